@@ -1,0 +1,56 @@
+//! Verbs of `spba-ceres`: parse, call the library, print.
+
+mod eval;
+mod import;
+mod inspect;
+mod prior;
+mod render;
+mod solve;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Semantic photometric bundle adjustment: from a short video of one object of a known category to its full
+/// 3D shape in the canonical frame and the 6-DoF camera of every frame.
+#[derive(Parser)]
+#[command(version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Solve(solve::Args),
+    Inspect(inspect::Args),
+    Import(import::Args),
+    Eval(eval::Args),
+    Render(render::Args),
+    Prior(prior::Args),
+}
+
+/// Runs the verb; an error is one line on standard error and exit status 1.
+pub fn run() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into()),
+        )
+        .with_writer(std::io::stderr)
+        .without_time()
+        .init();
+    let outcome = match Cli::parse().verb {
+        Verb::Solve(args) => solve::run(&args),
+        Verb::Inspect(args) => inspect::run(&args),
+        Verb::Import(args) => import::run(&args),
+        Verb::Eval(args) => eval::run(&args),
+        Verb::Render(args) => render::run(&args),
+        Verb::Prior(args) => prior::run(&args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

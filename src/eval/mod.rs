@@ -1,0 +1,1 @@
+//! Metrics: a result against truth or against a turning platform.

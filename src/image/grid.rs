@@ -1,0 +1,83 @@
+//! A row-major raster of any pixel type.
+
+/// A `width` × `height` raster, row-major; pixel (column, row) covers \[column, column + 1) × \[row, row + 1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid<T> {
+    width: usize,
+    height: usize,
+    data: Vec<T>,
+}
+
+/// Colour, RGB in \[0, 255\].
+pub type RgbImage = Grid<[f32; 3]>;
+/// True on the object.
+pub type Mask = Grid<bool>;
+/// z in the units of the poses that belong to it; 0 = unknown.
+pub type DepthMap = Grid<f32>;
+
+impl<T: Clone> Grid<T> {
+    pub fn filled(width: usize, height: usize, value: T) -> Self {
+        Self {
+            width,
+            height,
+            data: vec![value; width * height],
+        }
+    }
+}
+
+impl<T> Grid<T> {
+    /// `None` unless `data` holds `width * height` pixels.
+    pub fn from_vec(width: usize, height: usize, data: Vec<T>) -> Option<Self> {
+        (data.len() == width * height).then_some(Self { width, height, data })
+    }
+
+    pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> T) -> Self {
+        let data = (0..width * height).map(|i| pixel(i % width, i / width)).collect();
+        Self { width, height, data }
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// (width, height) in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    pub fn data(&self) -> &[T] {
+        &self.data
+    }
+
+    pub fn data_mut(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
+    pub fn get(&self, column: usize, row: usize) -> Option<&T> {
+        (column < self.width && row < self.height).then(|| &self.data[row * self.width + column])
+    }
+
+    /// The pixel that holds the image point (`u`, `v`), as (column, row); `None` outside the image.
+    pub fn pixel_at(&self, u: f64, v: f64) -> Option<(usize, usize)> {
+        (u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64)
+            .then_some((u as usize, v as usize))
+    }
+}
+
+impl<T> std::ops::Index<(usize, usize)> for Grid<T> {
+    type Output = T;
+    /// (column, row).
+    fn index(&self, (column, row): (usize, usize)) -> &T {
+        &self.data[row * self.width + column]
+    }
+}
+
+impl<T> std::ops::IndexMut<(usize, usize)> for Grid<T> {
+    fn index_mut(&mut self, (column, row): (usize, usize)) -> &mut T {
+        &mut self.data[row * self.width + column]
+    }
+}

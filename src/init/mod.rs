@@ -1,0 +1,31 @@
+//! The start of the optimisation (Sec. 2.4): style, pose hypotheses from silhouettes, scale and motion.
+
+use crate::geometry::{Pose, RelativePose};
+
+/// Every variable of the problem: what initialisation hands to the solver, and what the solver refines.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// p0: `camera_from_object` of the target frame (frame 0).
+    pub target_from_object: Pose,
+    /// Δp_l for l = 1..L−1 (index l − 1).
+    pub motion: Vec<RelativePose>,
+    /// s, S entries.
+    pub style: Vec<f64>,
+    /// α: x_cam = α x'_cam (Eq. 10).
+    pub alpha: f64,
+}
+
+impl Estimate {
+    /// L.
+    pub fn frame_count(&self) -> usize {
+        self.motion.len() + 1
+    }
+
+    /// p_l for l = 0..L−1 (Eq. 2).
+    pub fn camera_from_object(&self, frame: usize) -> Pose {
+        match frame {
+            0 => self.target_from_object,
+            l => self.motion[l - 1].compose(&self.target_from_object),
+        }
+    }
+}

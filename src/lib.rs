@@ -1,0 +1,24 @@
+//! Semantic photometric bundle adjustment: from a short video of one object of a known category to the
+//! object's full shape in its canonical frame and the 6-DoF camera of every frame.
+//!
+//! Data flows one way: files → [`sequence::Sequence`] → [`init::Initialisation`] → the objective (Eq. 9) →
+//! [`solver::Solution`] → files ([`report`]).
+//!
+//! # Conventions
+//! - **Object frame** = world frame: +Y up, −Z front, bounding-box diagonal 1, centred at the origin.
+//! - **Camera frame**: x right, y down, z forward. Poses are `camera_from_object`: `x_cam = R x + t`.
+//! - **Pixels**: the centre of the top-left pixel is (0.5, 0.5).
+//! - **Inverse depth** is 1 / z; depth maps store z, 0 = unknown.
+//! - **Images** are RGB in \[0, 255\], `f32`.
+
+pub mod cad;
+pub mod eval;
+pub mod geometry;
+pub mod image;
+pub mod init;
+pub mod objective;
+pub mod prior;
+pub mod report;
+pub mod sequence;
+pub mod solver;
+pub mod visibility;

@@ -1,0 +1,1 @@
+//! The result folder: shape, cameras, depth maps, overlays, trace and `result.json`.

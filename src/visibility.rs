@@ -1,0 +1,1 @@
+//! Pseudo-raytracing (Sec. 2.1): which points of X a camera sees.
