@@ -1,0 +1,44 @@
+// Agreement of a point's inverse depth with the off-the-shelf one at the pixel it is seen in (Eq. 6).
+#ifndef SPBA_INVERSE_DEPTH_H_
+#define SPBA_INVERSE_DEPTH_H_
+
+#include <ceres/autodiff_cost_function.h>
+
+#include "spba/camera.h"
+
+namespace spba {
+
+// residual[1] = d' - alpha / z, with d' in the inverse units of the off-the-shelf reconstruction and
+// x_camera = alpha x'_camera (Eq. 10). False where the point is behind the camera.
+struct InverseDepthError {
+  double inverse_depth;
+  double alpha;
+
+  template <typename T>
+  bool operator()(const T* point_in_camera, T* residual) const {
+    if (!(point_in_camera[2] > T(kMinDepth))) return false;
+    residual[0] = inverse_depth - alpha / point_in_camera[2];
+    return true;
+  }
+};
+
+// The same over parameter blocks p0[6], dp_l[6] and the point x[3]. For the target frame hold dp at zero.
+// ceres::ScaledLoss(HuberLoss(delta_2), lambda_2 / L) makes its cost that of Eq. 9.
+struct InverseDepthCost {
+  InverseDepthError error;
+
+  template <typename T>
+  bool operator()(const T* target_from_object, const T* motion, const T* point, T* residual) const {
+    T point_in_source[3];
+    PointInSource(target_from_object, motion, point, point_in_source);
+    return error(point_in_source, residual);
+  }
+
+  static ceres::CostFunction* Create(const InverseDepthError& error) {
+    return new ceres::AutoDiffCostFunction<InverseDepthCost, 1, 6, 6, 3>(new InverseDepthCost{error});
+  }
+};
+
+}  // namespace spba
+
+#endif  // SPBA_INVERSE_DEPTH_H_

@@ -1,0 +1,103 @@
+#include "objective.h"
+
+#include <ceres/loss_function.h>
+#include <ceres/normal_prior.h>
+
+namespace spba {
+namespace {
+
+ceres::Problem::Options ProblemOptions(State* state) {
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.evaluation_callback = state;
+  // We never add a parameter block twice to one residual block; the checks cost a third of the building.
+  options.disable_all_safety_checks = true;
+  return options;
+}
+
+// weight * rho(s); Ceres halves it.
+std::unique_ptr<ceres::LossFunction> Scaled(double weight, ceres::LossFunction* rho) {
+  return std::make_unique<ceres::ScaledLoss>(rho, weight, ceres::TAKE_OWNERSHIP);
+}
+
+}  // namespace
+
+Objective::Objective(State* state, const Weights& weights)
+    : state_(state), weights_(weights), problem_(ProblemOptions(state)) {
+  Variables& variables = state->variables;
+  problem_.AddParameterBlock(variables.target_from_object.data(), 6);
+  for (Vector6& motion : variables.motion) problem_.AddParameterBlock(motion.data(), 6);
+  problem_.AddParameterBlock(variables.style.data(), state->style_count());
+  if (weights.style > 0) {
+    const int s = state->style_count();
+    style_block_ = std::make_unique<ceres::NormalPrior>(ceres::Matrix::Identity(s, s), ceres::Vector::Zero(s));
+    style_loss_ = Scaled(weights.style, nullptr);
+    problem_.AddResidualBlock(style_block_.get(), style_loss_.get(), variables.style.data());
+  }
+}
+
+template <typename Block>
+void Objective::AddToProblem(int frame, BlockGroup<Block>& group) {
+  Variables& variables = state_->variables;
+  for (Block& block : group.blocks) {
+    if (frame == 0) {
+      problem_.AddResidualBlock(&block, group.loss.get(), variables.target_from_object.data(),
+                                variables.style.data());
+    } else {
+      problem_.AddResidualBlock(&block, group.loss.get(), variables.target_from_object.data(),
+                                variables.motion[frame - 1].data(), variables.style.data());
+    }
+  }
+}
+
+void Objective::AddPhotometric(int frame, const std::vector<uint32_t>& points,
+                               const std::vector<uint8_t>& directions, const PhotometricError& error) {
+  // A point seen from both sides has the same residual, up to its sign, in both of Eq. 4's sums.
+  for (const uint8_t count : {1, 2}) {
+    BlockGroup<PhotometricBlock>& group = photometric_.emplace_back();
+    group.loss = Scaled(weights_.photometric * count, new ceres::HuberLoss(weights_.photometric_huber));
+    for (size_t i = 0; i < points.size(); ++i) {
+      if (directions[i] == count) {
+        group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]), error);
+      }
+    }
+    AddToProblem(frame, group);
+  }
+}
+
+void Objective::AddSilhouette(int frame, double pixel_weight, double point_weight) {
+  // Eq. 5 squares without a half.
+  const double weight = 2.0 * weights_.silhouette / state_->inputs.size();
+  const FrameInput& input = state_->inputs[frame];
+  auto& to_silhouette = point_to_silhouette_.emplace_back();
+  to_silhouette.loss = Scaled(weight * point_weight, nullptr);
+  for (int j = 0; j < input.silhouette_points; ++j) to_silhouette.blocks.emplace_back(*state_, frame, j);
+  AddToProblem(frame, to_silhouette);
+  auto& to_point = silhouette_to_point_.emplace_back();
+  to_point.loss = Scaled(weight * pixel_weight, nullptr);
+  for (size_t k = 0; k < input.silhouette_pixels.size(); ++k) {
+    to_point.blocks.emplace_back(*state_, frame, static_cast<int>(k));
+  }
+  AddToProblem(frame, to_point);
+}
+
+void Objective::AddInverseDepth(int frame, const std::vector<uint32_t>& points,
+                                const std::vector<double>& inverse_depth, double alpha) {
+  auto& group = inverse_depth_.emplace_back();
+  group.loss = Scaled(weights_.inverse_depth / state_->inputs.size(),
+                      new ceres::HuberLoss(weights_.inverse_depth_huber));
+  for (size_t i = 0; i < points.size(); ++i) {
+    group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]),
+                              InverseDepthError{inverse_depth[i], alpha});
+  }
+  AddToProblem(frame, group);
+}
+
+double Objective::StyleCost() const {
+  double squared_norm = 0.0;
+  for (const double s : state_->variables.style) squared_norm += s * s;
+  return 0.5 * weights_.style * squared_norm;
+}
+
+}  // namespace spba

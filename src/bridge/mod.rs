@@ -1,0 +1,4 @@
+//! The only foreign-function interface, and with it the only `unsafe`. Bulk, not chatty; every call returns
+//! `Result`, and nothing unwinds or aborts across it.
+
+pub mod ceres;
