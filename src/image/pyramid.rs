@@ -63,7 +63,10 @@ pub fn halve_depth(depth: &DepthMap) -> DepthMap {
     halve(depth, |covered| {
         let mut known: Vec<f32> = covered.iter().copied().filter(|&z| z > 0.0).collect();
         known.sort_by(f32::total_cmp);
-        known.get(known.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
+        known
+            .get(known.len().saturating_sub(1) / 2)
+            .copied()
+            .unwrap_or(0.0)
     })
 }
 
@@ -117,17 +120,29 @@ mod tests {
     #[test]
     fn levels_agree_at_scaled_projections() {
         let smooth = |u: f64, v: f64| 128.0 + 60.0 * (u / 23.0).sin() + 40.0 * (v / 17.0).cos();
-        let image = RgbImage::from_fn(161, 121, |c, r| [smooth(c as f64 + 0.5, r as f64 + 0.5) as f32; 3]);
-        let camera = Pinhole { fx: 140.0, fy: 150.0, cx: 80.0, cy: 61.0 };
+        let image = RgbImage::from_fn(161, 121, |c, r| {
+            [smooth(c as f64 + 0.5, r as f64 + 0.5) as f32; 3]
+        });
+        let camera = Pinhole {
+            fx: 140.0,
+            fy: 150.0,
+            cx: 80.0,
+            cy: 61.0,
+        };
         for (level, coarse) in pyramid(image, 3).iter().enumerate() {
             let scale = 0.5f64.powi(level as i32);
             let camera_at_level = camera.scaled(scale, scale);
             for i in 0..200 {
                 let point = Vector3::new((i % 20) as f64 / 40.0 - 0.25, (i / 20) as f64 / 20.0 - 0.25, 1.2);
-                let (fine, at_level): (Vector2<f64>, Vector2<f64>) =
-                    (camera.project(&point).unwrap(), camera_at_level.project(&point).unwrap());
+                let (fine, at_level): (Vector2<f64>, Vector2<f64>) = (
+                    camera.project(&point).unwrap(),
+                    camera_at_level.project(&point).unwrap(),
+                );
                 let value = bilinear(coarse, at_level.x, at_level.y);
-                assert!((value - smooth(fine.x, fine.y)).abs() < 2.0, "level {level}: {value}");
+                assert!(
+                    (value - smooth(fine.x, fine.y)).abs() < 2.0,
+                    "level {level}: {value}"
+                );
             }
         }
     }
@@ -137,7 +152,8 @@ mod tests {
         let (c, r) = (x.floor() as usize, y.floor() as usize);
         let (a, b) = (x - x.floor(), y - y.floor());
         let at = |c: usize, r: usize| image[(c, r)][0] as f64;
-        (1.0 - b) * ((1.0 - a) * at(c, r) + a * at(c + 1, r)) + b * ((1.0 - a) * at(c, r + 1) + a * at(c + 1, r + 1))
+        (1.0 - b) * ((1.0 - a) * at(c, r) + a * at(c + 1, r))
+            + b * ((1.0 - a) * at(c, r + 1) + a * at(c + 1, r + 1))
     }
 
     #[test]

@@ -1,5 +1,11 @@
 //! The start of the optimisation (Sec. 2.4): style, pose hypotheses from silhouettes, scale and motion.
 
+mod motion;
+mod scale;
+
+pub use motion::motion_from_input;
+pub use scale::scale_from_inverse_depth;
+
 use crate::geometry::{Pose, RelativePose};
 
 /// Every variable of the problem: what initialisation hands to the solver, and what the solver refines.

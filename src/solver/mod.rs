@@ -1,5 +1,9 @@
 //! Algorithm 1, the joint solve, the scale α (Eq. 8), stopping, and progress events.
 
+mod scale;
+
+pub use scale::scale_from_motion;
+
 use crate::init::Estimate;
 
 /// The value of Eq. 9 and of its terms, weights included.

@@ -1,0 +1,155 @@
+//! Eq. 8: α from the camera motion, once the poses are trusted.
+
+use crate::geometry::{Pose, Vector3};
+use crate::init::Estimate;
+
+/// Off-the-shelf translations below this share of the longest one carry no scale.
+const NEGLIGIBLE_TRANSLATION: f64 = 1e-6;
+
+/// α = mean over the source frames of α_l = ⟨a, b⟩ / ⟨b, b⟩ with
+/// a = R_l x̄ + t_l − R'_l R'_0ᵀ (R_0 x̄ + t_0) and b = t'_l − R'_l R'_0ᵀ t'_0.
+///
+/// The inner sum of Eq. 8 runs over the points and is linear in them, so only their mean x̄ (object frame)
+/// counts. `camera_from_input` holds R', t' per frame, `None` where a frame has none.
+///
+/// Frames with |b| ≈ 0 (no translation) are left out. `None`, meaning "keep the α there is", where no frame is
+/// left, the target has no pose, or the mean is not positive: poses that far off say nothing about scale.
+pub fn scale_from_motion(
+    estimate: &Estimate,
+    camera_from_input: &[Option<Pose>],
+    mean_point: &Vector3<f64>,
+) -> Option<f64> {
+    let target_from_input = (*camera_from_input.first()?)?;
+    let sources: Vec<(usize, Pose)> = camera_from_input
+        .iter()
+        .enumerate()
+        .take(estimate.frame_count())
+        .skip(1)
+        .filter_map(|(frame, pose)| pose.map(|pose| (frame, pose.after(&target_from_input.inverse()))))
+        .collect();
+    let lengths = sources.iter().map(|(_, pose)| pose.translation.norm());
+    let negligible = NEGLIGIBLE_TRANSLATION * lengths.fold(target_from_input.translation.norm(), f64::max);
+    let point_in_target = estimate.target_from_object.transform(mean_point);
+    let scales: Vec<f64> = sources
+        .iter()
+        .filter(|(_, source_from_target)| source_from_target.translation.norm() > negligible)
+        .map(|(frame, source_from_target)| {
+            let a = estimate.camera_from_object(*frame).transform(mean_point)
+                - source_from_target.rotation * point_in_target;
+            let b = source_from_target.translation;
+            a.dot(&b) / b.norm_squared()
+        })
+        .collect();
+    let mean = scales.iter().sum::<f64>() / scales.len() as f64;
+    (mean.is_finite() && mean > 0.0).then_some(mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Rotation3;
+    use crate::image::{DepthMap, Mask};
+    use crate::init::{motion_from_input, scale_from_inverse_depth};
+    use crate::visibility::{Visibility, VisiblePoint};
+    use proptest::prelude::*;
+
+    fn any_pose() -> impl Strategy<Value = Pose> {
+        let three = || proptest::array::uniform3(-2.0..2.0f64);
+        (three(), three()).prop_map(|(omega, t)| Pose {
+            rotation: Rotation3::from_scaled_axis(Vector3::from(omega)),
+            translation: Vector3::from(t) + Vector3::new(0.0, 0.0, 5.0),
+        })
+    }
+
+    /// The off-the-shelf poses that stand in the relation x_cam = α x'_cam (Eq. 10) to the true ones, the input
+    /// frame being the object frame scaled by 1 / α and moved by `input_from_object`.
+    fn off_the_shelf(truth: &[Pose], alpha: f64, input_from_object: &Pose) -> Vec<Pose> {
+        let to_input = |camera_from_object: &Pose| {
+            let scaled = Pose {
+                translation: camera_from_object.translation / alpha,
+                ..*camera_from_object
+            };
+            scaled.after(&input_from_object.inverse())
+        };
+        truth.iter().map(to_input).collect()
+    }
+
+    proptest! {
+        /// Eq. 8, 11 and 13 each recover their unknown exactly from a consistent reconstruction.
+        #[test]
+        fn a_consistent_reconstruction_is_recovered(
+            truth in proptest::collection::vec(any_pose(), 2..6),
+            alpha in 0.1..10.0f64,
+            input_from_object in any_pose(),
+            points in proptest::collection::vec(proptest::array::uniform3(-0.5..0.5f64), 1..20),
+        ) {
+            let input = off_the_shelf(&truth, alpha, &input_from_object);
+            for point in &points {
+                let point = Vector3::from(*point);
+                for (camera, input_camera) in truth.iter().zip(&input) {
+                    let in_input = input_from_object.transform(&(point / alpha));
+                    let gap = camera.transform(&point) - alpha * input_camera.transform(&in_input);
+                    prop_assert!(gap.norm() < 1e-9, "the scene itself is wrong");
+                }
+            }
+
+            let motion = motion_from_input(&truth[0], &input, alpha);
+            for (relative, camera) in motion.iter().zip(&truth[1..]) {
+                let found = relative.compose(&truth[0]);
+                prop_assert!((found.translation - camera.translation).norm() < 1e-8);
+                prop_assert!((found.rotation.matrix() - camera.rotation.matrix()).norm() < 1e-9);
+            }
+
+            let estimate = Estimate { target_from_object: truth[0], motion, style: vec![], alpha: 1.0 };
+            let mean = points.iter().map(|p| Vector3::from(*p)).sum::<Vector3<f64>>() / points.len() as f64;
+            let poses: Vec<_> = input.iter().copied().map(Some).collect();
+            prop_assume!(input[1..].iter().all(|p| p.after(&input[0].inverse()).translation.norm() > 1e-3));
+            let found = scale_from_motion(&estimate, &poses, &mean).unwrap();
+            prop_assert!((found / alpha - 1.0).abs() < 1e-6);
+
+            let depths: Vec<f64> = points.iter().map(|p| truth[0].transform(&Vector3::from(*p)).z).collect();
+            let visibility = Visibility {
+                points: depths.iter().enumerate().map(|(i, z)| VisiblePoint {
+                    pixel: (i as u32, 0), point: i as u32, inverse_depth: 1.0 / z,
+                }).collect(),
+            };
+            let depth = DepthMap::from_vec(depths.len(), 1, depths.iter().map(|z| (z / alpha) as f32).collect()).unwrap();
+            let mask = Mask::filled(depths.len(), 1, true);
+            let found = scale_from_inverse_depth(&visibility, &mask, &depth).unwrap();
+            prop_assert!((found / alpha - 1.0).abs() < 1e-5, "f32 depth");
+        }
+    }
+
+    fn walk(translations: &[f64], alpha: f64) -> (Estimate, Vec<Option<Pose>>) {
+        let poses: Vec<Pose> = translations
+            .iter()
+            .map(|&x| Pose {
+                rotation: Rotation3::identity(),
+                translation: Vector3::new(x, 0.0, 3.0),
+            })
+            .collect();
+        let estimate = Estimate {
+            target_from_object: poses[0],
+            motion: motion_from_input(&poses[0], &poses, alpha),
+            style: vec![],
+            alpha: 1.0,
+        };
+        (estimate, poses.into_iter().map(Some).collect())
+    }
+
+    #[test]
+    fn frames_without_translation_or_pose_are_left_out() {
+        let (estimate, mut input) = walk(&[0.0, 0.0, 1.0, 2.0], 0.7);
+        assert!((scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
+        input[3] = None;
+        assert!((scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
+        let (estimate, input) = walk(&[1.0, 1.0, 1.0], 0.7);
+        assert_eq!(scale_from_motion(&estimate, &input, &Vector3::zeros()), None);
+    }
+
+    #[test]
+    fn a_motion_that_runs_backwards_gives_no_scale() {
+        let (estimate, input) = walk(&[0.0, 1.0, 2.0], -0.4);
+        assert_eq!(scale_from_motion(&estimate, &input, &Vector3::zeros()), None);
+    }
+}
