@@ -1,87 +1,122 @@
 //! Algorithm 1, the joint solve, the scale α (Eq. 8), stopping, and progress events.
 
+mod descent;
+mod options;
+mod progress;
 mod scale;
+mod solution;
 
+pub use options::{Minimiser, SolverOptions, Strategy};
+pub use progress::Observer;
 pub use scale::scale_from_motion;
+pub use solution::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
 
-use crate::init::Estimate;
+use crate::geometry::Pose;
+use crate::init::{Estimate, Initialisation};
+use crate::objective::{Objective, ObjectiveError, ObjectiveOptions};
+use crate::prior::ShapePrior;
+use crate::sequence::Sequence;
+use descent::{Descent, descend};
+use progress::Progress;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
 
-/// The value of Eq. 9 and of its terms, weights included.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct ObjectiveValue {
-    pub total: f64,
-    pub photometric: f64,
-    pub silhouette: f64,
-    pub inverse_depth: f64,
-    /// The style's regulariser; 0 where its weight is 0.
-    pub style: f64,
+/// Why there is no solution.
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError {
+    #[error("option {0}: {1}")]
+    Option(&'static str, &'static str),
+    #[error("no start: the initialisation found no pose")]
+    NoStart,
+    #[error(transparent)]
+    Objective(#[from] ObjectiveError),
 }
 
-/// Ceres's counters; line search counts all of its evaluations as Jacobian evaluations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Evaluations {
-    pub residual: usize,
-    pub jacobian: usize,
+/// Minimises Eq. 9 over a sequence: a short solve from every start at the coarsest pyramid level, then from
+/// the best of them through all levels.
+///
+/// `observer` sees every Ceres iteration and returns false to stop there; the best state so far is then the
+/// solution. Starts are solved side by side on rayon's threads, each in itself on one thread, so that the
+/// result does not depend on how many there are.
+///
+/// # Errors
+/// Options out of range, no start, or a failing objective.
+pub fn solve(
+    sequence: &Sequence,
+    prior: &Arc<dyn ShapePrior>,
+    starts: &[Initialisation],
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+    observer: &Observer,
+) -> Result<Solution, SolveError> {
+    options.check().map_err(|(name, why)| SolveError::Option(name, why))?;
+    let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
+    let began = Instant::now();
+    let run = |start: &Estimate, options: &SolverOptions, levels: &[usize], stage: &str| {
+        let mut objective =
+            Objective::new(sequence, prior.clone(), objective_options, options.levels, start)?;
+        let mut progress = Progress::new(observer, began);
+        let descent =
+            descend(&mut objective, &camera_from_input, options, levels.iter().copied(), stage, &mut progress)?;
+        Ok::<_, ObjectiveError>((descent, progress.into_trace(), objective.photometric_points()))
+    };
+
+    let coarsest = options.levels - 1;
+    let short = short_options(options);
+    let trials: Vec<(Descent, Vec<TraceRow>, usize)> = starts
+        .par_iter()
+        .enumerate()
+        .map(|(i, start)| run(&start.estimate, &short, &[coarsest], &format!("hypothesis-{i}/")))
+        .collect::<Result<_, _>>()?;
+    let chosen = best_trial(&trials).ok_or(SolveError::NoStart)?;
+    let hypotheses_seconds = began.elapsed().as_secs_f64();
+
+    let levels: Vec<usize> = (0..options.levels).rev().collect();
+    let (descent, trace, _) = run(&trials[chosen].0.estimate, options, &levels, "")?;
+    let hypotheses = starts
+        .iter()
+        .zip(&trials)
+        .enumerate()
+        .map(|(i, (start, (trial, _, _)))| HypothesisOutcome {
+            azimuth_deg: start.hypothesis.azimuth_deg,
+            elevation_deg: start.hypothesis.elevation_deg,
+            roll_deg: start.hypothesis.roll_deg,
+            template_iou: start.hypothesis.iou,
+            objective_start: trial.start.total,
+            objective_end: trial.end.total,
+            chosen: i == chosen,
+        })
+        .collect();
+    Ok(Solution {
+        estimate: descent.estimate,
+        objective_start: descent.start,
+        objective_end: descent.end,
+        evaluations: descent.evaluations,
+        iterations: descent.iterations,
+        termination: descent.termination,
+        hypotheses,
+        trace: trials.into_iter().flat_map(|(_, trace, _)| trace).chain(trace).collect(),
+        seconds: vec![
+            ("hypotheses".to_owned(), hypotheses_seconds),
+            ("solve".to_owned(), began.elapsed().as_secs_f64() - hypotheses_seconds),
+        ],
+    })
 }
 
-/// Why the solver stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Termination {
-    /// The objective fell below δ_L.
-    BelowThreshold,
-    /// No progress beyond the tolerance.
-    Converged,
-    /// The step limit.
-    StepLimit,
-    /// Ctrl-C; the best state so far is kept.
-    Interrupted,
+/// A hypothesis's short solve is always joint LM: it is part of the start, and the same for all methods.
+fn short_options(options: &SolverOptions) -> SolverOptions {
+    let defaults = SolverOptions::default();
+    SolverOptions {
+        minimiser: defaults.minimiser,
+        strategy: defaults.strategy,
+        max_steps: 3,
+        iterations_per_call: 10,
+        ..options.clone()
+    }
 }
 
-/// One line of `trace.csv`: the state after one solver iteration.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct TraceRow {
-    /// `hypothesis-2`, `level-1` …: which solve.
-    pub stage: String,
-    /// The alternation's step (one Ceres call each).
-    pub step: usize,
-    /// Which variables moved: `all`, `p0`, `motion`, `style`.
-    pub block: String,
-    pub iteration: usize,
-    pub objective: ObjectiveValue,
-    pub gradient_norm: f64,
-    pub alpha: f64,
-    /// Totals since the stage began.
-    pub residual_evaluations: usize,
-    pub jacobian_evaluations: usize,
-    /// Wall-clock seconds since the solve began; the one column that differs from run to run.
-    pub seconds: f64,
-}
-
-/// One pose hypothesis after its short solve.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct HypothesisOutcome {
-    pub azimuth_deg: f64,
-    pub elevation_deg: f64,
-    pub roll_deg: f64,
-    /// Silhouette IoU of the template in the target frame.
-    pub template_iou: f64,
-    pub objective_start: f64,
-    pub objective_end: f64,
-    pub chosen: bool,
-}
-
-/// What a solve found.
-#[derive(Clone, Debug)]
-pub struct Solution {
-    pub estimate: Estimate,
-    pub objective_start: ObjectiveValue,
-    pub objective_end: ObjectiveValue,
-    pub evaluations: Evaluations,
-    pub iterations: usize,
-    pub termination: Termination,
-    pub hypotheses: Vec<HypothesisOutcome>,
-    pub trace: Vec<TraceRow>,
-    /// Stage name → wall-clock seconds.
-    pub seconds: Vec<(String, f64)>,
+/// The index of the lowest objective.
+fn best_trial(trials: &[(Descent, Vec<TraceRow>, usize)]) -> Option<usize> {
+    (0..trials.len()).min_by(|&a, &b| trials[a].0.end.total.total_cmp(&trials[b].0.end.total))
 }

@@ -1,0 +1,68 @@
+//! Weights and sizes of Eq. 9.
+
+use serde::{Deserialize, Serialize};
+
+/// What goes into the objective, and with which weight.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjectiveOptions {
+    /// Weight of the photometric term L_ph (the paper's is 1).
+    pub photometric_weight: f64,
+    /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255].
+    pub photometric_huber: f64,
+    /// λ1: weight of the silhouettes' Chamfer distance L_cd.
+    pub silhouette_weight: f64,
+    /// λ2: weight of the inverse-depth term L_invd.
+    pub inverse_depth_weight: f64,
+    /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal.
+    pub inverse_depth_huber: f64,
+    /// Weight of −log p(s) = ½‖s‖²; 0 leaves it out, as the paper does.
+    pub style_weight: f64,
+    /// N: how many of the prior's points to use; 0 means all.
+    pub points: usize,
+    /// At most this many of each silhouette's pixels are paired with points, the weight rescaled; 0 means all.
+    pub silhouette_pixels: usize,
+    /// At most this many of the points are paired with silhouette pixels, the weight rescaled; 0 means all.
+    pub silhouette_points: usize,
+}
+
+impl Default for ObjectiveOptions {
+    fn default() -> Self {
+        Self {
+            photometric_weight: 1.0,
+            photometric_huber: 100.0,
+            silhouette_weight: 0.1,
+            inverse_depth_weight: 1000.0,
+            inverse_depth_huber: 10.0,
+            style_weight: 1.0,
+            points: 8192,
+            silhouette_pixels: 2000,
+            silhouette_points: 2048,
+        }
+    }
+}
+
+impl ObjectiveOptions {
+    /// The name of the first option that cannot be used, and why.
+    pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
+        let weights = [
+            ("photometric_weight", self.photometric_weight),
+            ("silhouette_weight", self.silhouette_weight),
+            ("inverse_depth_weight", self.inverse_depth_weight),
+            ("style_weight", self.style_weight),
+        ];
+        for (name, weight) in weights {
+            if !(weight.is_finite() && weight >= 0.0) {
+                return Err((name, "must be 0 or more"));
+            }
+        }
+        for (name, width) in
+            [("photometric_huber", self.photometric_huber), ("inverse_depth_huber", self.inverse_depth_huber)]
+        {
+            if !(width.is_finite() && width > 0.0) {
+                return Err((name, "must be more than 0"));
+            }
+        }
+        Ok(())
+    }
+}

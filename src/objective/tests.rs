@@ -1,0 +1,266 @@
+//! The whole objective against numeric differences of itself, and its terms against sums by hand.
+
+use super::*;
+use crate::geometry::Rotation3;
+use crate::image::Mask;
+
+/// A sphere of points that four modes stretch and bend.
+struct Blob {
+    mean: Vec<f64>,
+}
+
+impl Blob {
+    fn new(count: usize) -> Self {
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let mean = (0..count)
+            .flat_map(|i| {
+                let y = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+                let (r, angle) = ((1.0 - y * y).sqrt(), golden * i as f64);
+                [0.3 * r * angle.cos(), 0.3 * y, 0.3 * r * angle.sin()]
+            })
+            .collect();
+        Self { mean }
+    }
+
+    fn mode(x: &[f64], k: usize) -> [f64; 3] {
+        match k {
+            0 => [0.1 * x[0], 0.0, 0.0],
+            1 => [0.0, 0.1 * x[1], 0.02],
+            2 => [0.3 * x[1] * x[2], 0.0, 0.1 * x[2]],
+            _ => [0.02 * (7.0 * x[1]).sin(), 0.02 * (5.0 * x[2]).cos(), 0.0],
+        }
+    }
+}
+
+impl ShapePrior for Blob {
+    fn style_len(&self) -> usize {
+        4
+    }
+
+    fn point_count(&self) -> usize {
+        self.mean.len() / 3
+    }
+
+    fn points(&self, style: &[f64], points: &mut [f64]) {
+        for (point, x) in points.chunks_exact_mut(3).zip(self.mean.chunks_exact(3)) {
+            for i in 0..3 {
+                point[i] = x[i] + (0..4).map(|k| style[k] * Self::mode(x, k)[i]).sum::<f64>();
+            }
+        }
+    }
+
+    fn jacobian(&self, _: &[f64], jacobian: &mut [f64]) {
+        for (rows, x) in jacobian.chunks_exact_mut(12).zip(self.mean.chunks_exact(3)) {
+            for k in 0..4 {
+                for (i, value) in Self::mode(x, k).into_iter().enumerate() {
+                    rows[4 * i + k] = value;
+                }
+            }
+        }
+    }
+}
+
+/// Frames with smooth, unrelated images, a disc for a mask and a tilted plane for depth.
+fn sequence(frames: usize) -> Sequence {
+    let (width, height) = (96, 80);
+    let camera = Pinhole { fx: 120.0, fy: 118.0, cx: 47.0, cy: 41.0 };
+    let frames = (0..frames)
+        .map(|l| Frame {
+            name: format!("{l}"),
+            image: RgbImage::from_fn(width, height, |c, r| {
+                let (x, y, l) = (c as f32, r as f32, l as f32);
+                [
+                    128.0 + 90.0 * (0.11 * x + 0.3 * l).sin(),
+                    120.0 + 80.0 * (0.07 * x + 0.09 * y + l).cos(),
+                    100.0 + 60.0 * (0.13 * y - 0.2 * l).sin(),
+                ]
+            }),
+            mask: Mask::from_fn(width, height, |c, r| {
+                (c as f64 - 46.0 - l as f64).hypot(r as f64 - 40.0) < 24.0
+            }),
+            camera,
+            timestamp_s: None,
+            camera_from_input: None,
+            depth: Some(crate::image::DepthMap::from_fn(width, height, |c, _| 2.5 + 0.01 * c as f32)),
+        })
+        .collect();
+    Sequence { name: "synthetic".into(), frames, truth: None }
+}
+
+fn estimate(frames: usize) -> Estimate {
+    let twist = |omega: [f64; 3], t: [f64; 3]| Pose {
+        rotation: Rotation3::from_scaled_axis(Vector3::from(omega)),
+        translation: Vector3::from(t),
+    };
+    Estimate {
+        target_from_object: twist([0.2, -0.4, 0.1], [0.02, -0.01, 1.6]),
+        motion: (1..frames)
+            .map(|l| RelativePose(twist([0.01, 0.08 * l as f64, -0.02], [0.02 * l as f64, 0.01, 0.03])))
+            .collect(),
+        style: vec![0.3, -0.7, 0.5, 1.1],
+        alpha: 0.7,
+    }
+}
+
+fn objective<'a>(sequence: &'a Sequence, options: &ObjectiveOptions, at: &Estimate) -> Objective<'a> {
+    Objective::new(sequence, Arc::new(Blob::new(600)), options, 1, at).unwrap()
+}
+
+/// Central differences of the objective over p0, Δp and s, visibility held.
+fn numeric_gradient(objective: &mut Objective, at: &Estimate) -> Vec<f64> {
+    let step = 1e-6;
+    let twists: Vec<f64> = std::iter::once(at.target_from_object.to_twist())
+        .chain(at.motion.iter().map(|m| m.0.to_twist()))
+        .flat_map(|twist| twist.iter().copied().collect::<Vec<_>>())
+        .collect();
+    let variables = [twists, at.style.clone()].concat();
+    let mut value = |variables: &[f64]| {
+        let motion = 6..variables.len() - at.style.len();
+        let problem = objective.problem.pin_mut();
+        problem
+            .set_variables(&variables[..6], &variables[motion.clone()], &variables[motion.end..])
+            .unwrap();
+        objective.evaluate().unwrap().total
+    };
+    (0..variables.len())
+        .map(|i| {
+            let mut moved = variables.clone();
+            moved[i] += step;
+            let above = value(&moved);
+            moved[i] -= 2.0 * step;
+            (above - value(&moved)) / (2.0 * step)
+        })
+        .collect()
+}
+
+fn assert_gradient(options: &ObjectiveOptions, at: &Estimate) {
+    let sequence = sequence(at.frame_count());
+    let mut objective = objective(&sequence, options, at);
+    let analytic = objective.gradient().unwrap();
+    let numeric = numeric_gradient(&mut objective, at);
+    let scale = numeric.iter().fold(0.0f64, |m, g| m.max(g.abs()));
+    assert!(scale > 0.0, "a gradient that is zero proves nothing");
+    for (i, (a, n)) in analytic.iter().zip(&numeric).enumerate() {
+        // Differences of a sum near 1e7 with a step of 1e-6 carry about 1e-3 of rounding.
+        assert!((a - n).abs() < 1e-5 * scale + 1e-5 * n.abs(), "entry {i}: analytic {a}, numeric {n}");
+    }
+}
+
+fn only(change: impl FnOnce(&mut ObjectiveOptions)) -> ObjectiveOptions {
+    let mut options = ObjectiveOptions {
+        photometric_weight: 0.0,
+        silhouette_weight: 0.0,
+        inverse_depth_weight: 0.0,
+        style_weight: 0.0,
+        ..Default::default()
+    };
+    change(&mut options);
+    options
+}
+
+#[test]
+fn each_terms_gradient_is_that_of_its_value() {
+    let at = estimate(3);
+    assert_gradient(&only(|o| o.photometric_weight = 1.0), &at);
+    assert_gradient(&only(|o| o.silhouette_weight = 0.1), &at);
+    assert_gradient(&only(|o| o.inverse_depth_weight = 1000.0), &at);
+    assert_gradient(&only(|o| o.style_weight = 2.0), &at);
+}
+
+#[test]
+fn the_whole_gradient_is_that_of_the_value() {
+    assert_gradient(&ObjectiveOptions::default(), &estimate(4));
+}
+
+#[test]
+fn the_gradient_holds_at_awkward_rotations() {
+    for omega in [[0.0, 0.0, 0.0], [0.0, std::f64::consts::PI - 1e-7, 0.0], [1e-9, 0.0, 0.0]] {
+        let mut at = estimate(2);
+        at.target_from_object.rotation = Rotation3::from_scaled_axis(Vector3::from(omega));
+        at.motion[0].0.rotation = Rotation3::identity();
+        assert_gradient(&ObjectiveOptions::default(), &at);
+    }
+}
+
+#[test]
+fn small_huber_widths_are_differentiated_too() {
+    let options =
+        ObjectiveOptions { photometric_huber: 5.0, inverse_depth_huber: 0.01, ..Default::default() };
+    assert_gradient(&options, &estimate(3));
+}
+
+/// Eq. 5 by its definition: brute force over all pixels and points.
+#[test]
+fn the_silhouette_term_is_the_chamfer_distance() {
+    let at = estimate(3);
+    let sequence = sequence(3);
+    let options = ObjectiveOptions {
+        silhouette_pixels: 0,
+        silhouette_points: 0,
+        ..only(|o| o.silhouette_weight = 0.1)
+    };
+    let mut objective = objective(&sequence, &options, &at);
+    let points = objective.points().unwrap();
+    let mut chamfer = 0.0;
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        let pose = at.camera_from_object(l);
+        let projected: Vec<_> = points
+            .chunks_exact(3)
+            .map(|x| frame.camera.project(&pose.transform(&Vector3::from_column_slice(x))).unwrap())
+            .collect();
+        let mut pixels = Vec::new();
+        for r in 0..frame.mask.height() {
+            for c in 0..frame.mask.width() {
+                if frame.mask[(c, r)] {
+                    pixels.push(nalgebra::Vector2::new(c as f64 + 0.5, r as f64 + 0.5));
+                }
+            }
+        }
+        let nearest = |from: &nalgebra::Vector2<f64>, to: &[nalgebra::Vector2<f64>]| {
+            to.iter().map(|u| (u - from).norm_squared()).fold(f64::INFINITY, f64::min)
+        };
+        chamfer += pixels.iter().map(|u| nearest(u, &projected)).sum::<f64>();
+        chamfer += projected.iter().map(|u| nearest(u, &pixels)).sum::<f64>();
+    }
+    let expected = 0.1 * chamfer / 3.0;
+    let value = objective.evaluate().unwrap().silhouette;
+    assert!((value - expected).abs() < 1e-9 * expected, "{value} against {expected}");
+}
+
+/// Eq. 6 by hand: every visible point on a plane of known depth.
+#[test]
+fn the_inverse_depth_term_is_eq_6() {
+    let at = Estimate { alpha: 2.0, ..estimate(2) };
+    let sequence = sequence(2);
+    let mut objective = objective(&sequence, &only(|o| o.inverse_depth_weight = 1000.0), &at);
+    objective.set_alpha(3.0).unwrap();
+    let points = objective.points().unwrap();
+    let surfels = Surfels::new(&points);
+    let mut expected = 0.0;
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        let pose = at.camera_from_object(l);
+        let size = frame.image.size();
+        for v in visible_points(&points, &frame.camera, &pose, size, Some(&surfels)).points {
+            let pixel = (v.pixel.0 as usize, v.pixel.1 as usize);
+            if frame.mask[pixel] {
+                let given = 1.0 / f64::from(frame.depth.as_ref().unwrap()[pixel]);
+                // In units in which α started at 1.
+                let residual = (given - 3.0 * v.inverse_depth) / 2.0;
+                expected += 1000.0 / 2.0 * 0.5 * residual * residual;
+            }
+        }
+    }
+    let value = objective.evaluate().unwrap().inverse_depth;
+    assert!(expected > 1.0 && (value - expected).abs() < 1e-9 * expected, "{value} against {expected}");
+}
+
+#[test]
+fn a_shape_behind_a_camera_is_an_error() {
+    let sequence = sequence(2);
+    let mut objective = objective(&sequence, &ObjectiveOptions::default(), &estimate(2));
+    let mut behind = estimate(2);
+    behind.target_from_object.translation.z = -1.6;
+    objective.set_estimate(&behind).unwrap();
+    assert!(objective.evaluate().is_err());
+    assert!(objective.gradient().is_err());
+}

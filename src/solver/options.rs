@@ -1,0 +1,97 @@
+//! How to minimise Eq. 9.
+
+use serde::{Deserialize, Serialize};
+
+/// Which of Ceres's minimisers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "method", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Minimiser {
+    /// Levenberg–Marquardt with a Schur complement over the Δp_l.
+    Lm {
+        /// Of the first step; Ceres's default is 1e4.
+        #[serde(default = "default_trust_region_radius")]
+        initial_trust_region_radius: f64,
+    },
+    /// Limited-memory BFGS with a Wolfe line search, the paper's choice.
+    Lbfgs {
+        /// How many past steps approximate the Hessian.
+        #[serde(default = "default_lbfgs_rank")]
+        rank: u32,
+    },
+}
+
+pub const fn default_trust_region_radius() -> f64 {
+    1e4
+}
+
+pub const fn default_lbfgs_rank() -> u32 {
+    20
+}
+
+/// Which variables a step moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Strategy {
+    /// Algorithm 1: p0, then all Δp_l, then s, then α by Eq. 8.
+    Alternating,
+    /// All at once, then α by Eq. 8.
+    Joint,
+}
+
+/// Minimiser, strategy and when to stop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverOptions {
+    pub minimiser: Minimiser,
+    pub strategy: Strategy,
+    /// Steps of Algorithm 1 per pyramid level; visibility and α are renewed before each.
+    pub max_steps: usize,
+    /// Ceres iterations per call.
+    pub iterations_per_call: u32,
+    /// δ_L: stop once the objective is below.
+    pub threshold: f64,
+    /// A step that lowers the objective by less than this share of it is no progress.
+    pub tolerance: f64,
+    /// Pyramid levels, each half the size of the one before; 1 is no pyramid.
+    pub levels: usize,
+}
+
+impl Default for SolverOptions {
+    fn default() -> Self {
+        Self {
+            minimiser: Minimiser::Lm { initial_trust_region_radius: default_trust_region_radius() },
+            strategy: Strategy::Joint,
+            max_steps: 10,
+            iterations_per_call: 20,
+            threshold: 0.0,
+            tolerance: 1e-3,
+            levels: 3,
+        }
+    }
+}
+
+impl SolverOptions {
+    /// The name of the first option that cannot be used, and why.
+    pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
+        match self.minimiser {
+            Minimiser::Lm { initial_trust_region_radius: radius } if !(radius.is_finite() && radius > 0.0) => {
+                return Err(("initial_trust_region_radius", "must be more than 0"));
+            }
+            Minimiser::Lbfgs { rank: 0 } => return Err(("rank", "must be 1 or more")),
+            _ => {}
+        }
+        if self.max_steps == 0 {
+            return Err(("max_steps", "must be 1 or more"));
+        }
+        if self.iterations_per_call == 0 {
+            return Err(("iterations_per_call", "must be 1 or more"));
+        }
+        if !(1..=8).contains(&self.levels) {
+            return Err(("levels", "must be 1 to 8"));
+        }
+        if !(self.threshold >= 0.0 && self.tolerance >= 0.0 && self.tolerance < 1.0) {
+            return Err(("threshold, tolerance", "must be 0 or more, the tolerance less than 1"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,83 @@
+//! What a solve reports: objective values, counters, the trace and the result.
+
+use crate::init::Estimate;
+
+/// The value of Eq. 9 and of its terms, weights included.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct ObjectiveValue {
+    pub total: f64,
+    pub photometric: f64,
+    pub silhouette: f64,
+    pub inverse_depth: f64,
+    /// The style's regulariser; 0 where its weight is 0.
+    pub style: f64,
+}
+
+/// Ceres's counters; line search counts all of its evaluations as Jacobian evaluations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Evaluations {
+    pub residual: usize,
+    pub jacobian: usize,
+}
+
+/// Why the solver stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Termination {
+    /// The objective fell below δ_L.
+    BelowThreshold,
+    /// No progress beyond the tolerance.
+    Converged,
+    /// The step limit.
+    StepLimit,
+    /// Ctrl-C; the best state so far is kept.
+    Interrupted,
+}
+
+/// One line of `trace.csv`: the state after one solver iteration.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct TraceRow {
+    /// `hypothesis-2`, `level-1` …: which solve.
+    pub stage: String,
+    /// The alternation's step (one Ceres call each).
+    pub step: usize,
+    /// Which variables moved: `all`, `p0`, `motion`, `style`.
+    pub block: String,
+    pub iteration: usize,
+    pub objective: ObjectiveValue,
+    pub gradient_norm: f64,
+    pub alpha: f64,
+    /// Totals since the stage began.
+    pub residual_evaluations: usize,
+    pub jacobian_evaluations: usize,
+    /// Wall-clock seconds since the solve began; the one column that differs from run to run.
+    pub seconds: f64,
+}
+
+/// One pose hypothesis after its short solve.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct HypothesisOutcome {
+    pub azimuth_deg: f64,
+    pub elevation_deg: f64,
+    pub roll_deg: f64,
+    /// Silhouette IoU of the template in the target frame.
+    pub template_iou: f64,
+    pub objective_start: f64,
+    pub objective_end: f64,
+    pub chosen: bool,
+}
+
+/// What a solve found.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    pub estimate: Estimate,
+    pub objective_start: ObjectiveValue,
+    pub objective_end: ObjectiveValue,
+    pub evaluations: Evaluations,
+    pub iterations: usize,
+    pub termination: Termination,
+    pub hypotheses: Vec<HypothesisOutcome>,
+    pub trace: Vec<TraceRow>,
+    /// Stage name → wall-clock seconds.
+    pub seconds: Vec<(String, f64)>,
+}
