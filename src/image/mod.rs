@@ -1,9 +1,18 @@
-//! Rasters: colour images, masks and depth maps, their pyramids and measures.
+//! Rasters: colour images, masks and depth maps, their files, pyramids and measures.
 
+mod depth;
 mod distance;
+mod error;
+mod files;
 mod grid;
+mod mask;
 mod pyramid;
 
+pub use depth::{read_depth, write_depth};
 pub use distance::NearestPixel;
+pub use error::ImageError;
+pub use files::{read_mask, read_rgb, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
 pub use pyramid::{depth_pyramid, halve_depth, halve_image, halve_mask, mask_pyramid, pyramid};
+
+pub(crate) use files::one_line;
