@@ -1,1 +1,71 @@
 //! The result folder: shape, cameras, depth maps, overlays, trace and `result.json`.
+//!
+//! [`write`] turns a [`Solution`](crate::solver::Solution) into files, [`RunResult::load`], [`read_shape`] and
+//! [`read_depth`] read them back; [`Surface`] says what the shape looks like in a camera.
+
+mod colmap;
+mod colormap;
+mod colour;
+mod depth;
+mod folder;
+mod memory;
+mod nearest;
+mod overlap;
+mod overlay;
+mod ply;
+mod result;
+mod sheet;
+mod surface;
+mod trace;
+mod trajectory;
+mod write;
+
+#[cfg(test)]
+pub(crate) mod fixture;
+
+pub use depth::read_depth;
+pub use folder::{check_out, file_stems};
+pub use memory::peak_memory_mb;
+pub(crate) use nearest::Neighbours;
+pub use overlap::{density, silhouette_iou};
+pub use ply::read_shape;
+pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
+pub use surface::{Surface, View};
+pub use write::{ReportInput, Written, write};
+
+use std::path::{Path, PathBuf};
+
+/// Why a result folder could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    #[error("{}: exists already; name another --out or remove it", path.display())]
+    OutputExists { path: PathBuf },
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {message}", path.display())]
+    Format { path: PathBuf, message: String },
+    #[error("{field} is not a finite number; nothing was written")]
+    NotFinite { field: String },
+    #[error("the solution has {poses} camera poses for {frames} frames; nothing was written")]
+    FrameCount { frames: usize, poses: usize },
+    #[error("the shape has no points; nothing was written")]
+    EmptyShape,
+    #[error("alpha is {alpha}, which is no scale (it must be positive); nothing was written")]
+    NoScale { alpha: f64 },
+}
+
+impl ReportError {
+    fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    fn format(path: &Path, message: impl std::fmt::Display) -> Self {
+        Self::Format {
+            path: path.to_owned(),
+            message: message.to_string(),
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use crate::init::Estimate;
 
 /// The value of Eq. 9 and of its terms, weights included.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ObjectiveValue {
     pub total: f64,
     pub photometric: f64,
@@ -14,14 +14,14 @@ pub struct ObjectiveValue {
 }
 
 /// Ceres's counters; line search counts all of its evaluations as Jacobian evaluations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Evaluations {
     pub residual: usize,
     pub jacobian: usize,
 }
 
 /// Why the solver stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Termination {
     /// The objective fell below δ_L.
@@ -35,7 +35,7 @@ pub enum Termination {
 }
 
 /// One line of `trace.csv`: the state after one solver iteration.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TraceRow {
     /// `hypothesis-2`, `level-1` …: which solve.
     pub stage: String,
@@ -55,7 +55,7 @@ pub struct TraceRow {
 }
 
 /// One pose hypothesis after its short solve.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct HypothesisOutcome {
     pub azimuth_deg: f64,
     pub elevation_deg: f64,

@@ -1,0 +1,206 @@
+//! A made-up solve for tests: a box-like car on a turning platform.
+
+use super::Surface;
+use crate::geometry::{Pinhole, Pose, RelativePose, Rotation3, Vector3};
+use crate::image::Grid;
+use crate::init::Estimate;
+use crate::sequence::{Frame, Sequence, Truth};
+use crate::solver::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
+
+/// Numbers in \[0, 1) that are the same on every machine.
+pub(crate) struct Random(pub u64);
+
+impl Random {
+    pub(crate) fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Points at random on a sphere.
+pub(crate) fn sphere(count: usize, radius: f64, seed: u64) -> Vec<Vector3<f64>> {
+    let mut random = Random(seed);
+    (0..count)
+        .map(|_| {
+            let (y, angle) = (2.0 * random.next() - 1.0, std::f64::consts::TAU * random.next());
+            let ring = (1.0 - y * y).sqrt();
+            radius * Vector3::new(ring * angle.cos(), y, ring * angle.sin())
+        })
+        .collect()
+}
+
+/// Centres and sizes of the body and the cabin.
+pub(crate) const CAR_BOXES: [(Vector3<f64>, Vector3<f64>); 2] = [
+    (Vector3::new(0.0, -0.05, 0.0), Vector3::new(0.38, 0.14, 0.88)),
+    (Vector3::new(0.0, 0.07, 0.1), Vector3::new(0.3, 0.1, 0.42)),
+];
+
+/// Points at random on a body with a smaller cabin toward the rear (+z); the object frame's box has diagonal 1.
+pub(crate) fn box_car(count: usize) -> Vec<Vector3<f64>> {
+    let mut random = Random(7);
+    let mut points = Vec::with_capacity(count);
+    while points.len() < count {
+        let (centre, size) = CAR_BOXES[usize::from(random.next() > 0.72)];
+        let mut point = Vector3::from_fn(|i, _| size[i] * (random.next() - 0.5));
+        let areas = [size.y * size.z, size.z * size.x, size.x * size.y];
+        let mut pick = random.next() * areas.iter().sum::<f64>();
+        let axis = areas.iter().position(|area| {
+            pick -= area;
+            pick < 0.0
+        });
+        let axis = axis.unwrap_or(2);
+        point[axis] = size[axis] * if random.next() < 0.5 { -0.5 } else { 0.5 };
+        let point = centre + point;
+        let inside = CAR_BOXES.iter().any(|(centre, size)| {
+            (point - centre)
+                .abs()
+                .iter()
+                .zip(size)
+                .all(|(p, s)| *p < 0.499 * s)
+        });
+        if !inside {
+            points.push(point);
+        }
+    }
+    points
+}
+
+/// A camera on a circle around the object, looking at it; `azimuth_deg` 0 is the front (−Z).
+pub(crate) fn looking_at(azimuth_deg: f64, elevation_deg: f64, distance: f64) -> Pose {
+    let (azimuth, elevation) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
+    let center = distance
+        * Vector3::new(
+            azimuth.sin() * elevation.cos(),
+            elevation.sin(),
+            -azimuth.cos() * elevation.cos(),
+        );
+    let forward = -center.normalize();
+    let right = Vector3::y().cross(&-forward).normalize();
+    let down = forward.cross(&right);
+    let rotation = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_rows(&[
+        right.transpose(),
+        down.transpose(),
+        forward.transpose(),
+    ]));
+    Pose {
+        rotation,
+        translation: -(rotation * center),
+    }
+}
+
+/// A sequence that was rendered from `surface`, whose off-the-shelf poses are the true ones in a frame of their own
+/// (`object_from_input` has scale 0.4), and the solution that finds the truth.
+pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Solution) {
+    let camera = Pinhole {
+        fx: 330.0,
+        fy: 330.0,
+        cx: 160.0,
+        cy: 100.0,
+    };
+    let alpha = 0.4;
+    let input_in_object = Pose {
+        rotation: Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 0.3)),
+        translation: Vector3::new(0.2, 0.1, -0.3),
+    };
+    let poses: Vec<_> = (0..frame_count)
+        .map(|i| looking_at(25.0 + 12.0 * i as f64, 14.0, 1.35))
+        .collect();
+    let views: Vec<_> = poses
+        .iter()
+        .map(|pose| surface.render(&camera, pose, (320, 200)))
+        .collect();
+    let frames = poses.iter().zip(&views).enumerate().map(|(i, (pose, view))| {
+        let input = pose.after(&input_in_object);
+        Frame {
+            name: format!("frame_{i:03}.png"),
+            image: Grid::from_fn(320, 200, |column, row| shade(surface, view, (column, row))),
+            mask: view.mask(),
+            camera,
+            timestamp_s: Some(0.5 * i as f64),
+            camera_from_input: Some(Pose {
+                translation: input.translation / alpha,
+                ..input
+            }),
+            depth: None,
+        }
+    });
+    let sequence = Sequence {
+        name: "box car".into(),
+        frames: frames.collect(),
+        truth: Some(Truth {
+            camera_from_object: poses.clone(),
+            depth: views.iter().map(|view| view.depth.clone()).collect(),
+            shape: surface
+                .points
+                .iter()
+                .map(|p| p.map(|c| c as f32).into())
+                .collect(),
+        }),
+    };
+    let objective = |total| ObjectiveValue {
+        total,
+        silhouette: total,
+        ..Default::default()
+    };
+    let estimate = Estimate {
+        target_from_object: poses[0],
+        motion: poses[1..]
+            .iter()
+            .map(|pose| RelativePose::between(&poses[0], pose))
+            .collect(),
+        style: vec![0.5, -1.0],
+        alpha,
+    };
+    let solution = Solution {
+        estimate,
+        objective_start: objective(9.0),
+        objective_end: objective(4.0),
+        evaluations: Evaluations {
+            residual: 12,
+            jacobian: 10,
+        },
+        iterations: 10,
+        termination: Termination::Converged,
+        hypotheses: vec![HypothesisOutcome {
+            azimuth_deg: 25.0,
+            elevation_deg: 14.0,
+            roll_deg: 0.0,
+            template_iou: 0.9,
+            objective_start: 9.0,
+            objective_end: 4.0,
+            chosen: true,
+        }],
+        trace: vec![TraceRow {
+            stage: "level-0".into(),
+            step: 0,
+            block: "all".into(),
+            iteration: 0,
+            objective: objective(9.0),
+            gradient_norm: 2.0,
+            alpha,
+            residual_evaluations: 1,
+            jacobian_evaluations: 1,
+            seconds: 0.25,
+        }],
+        seconds: vec![("solve".into(), 1.5), ("solve".into(), 0.5)],
+    };
+    (sequence, solution)
+}
+
+/// A red body and a blue cabin on grey ground.
+fn shade(surface: &Surface, view: &super::View, at: (usize, usize)) -> [f32; 3] {
+    let Some(point) = view.index[at] else {
+        return [90.0 + at.1 as f32 / 4.0; 3];
+    };
+    let (point, normal) = (surface.points[point as usize], surface.normals[point as usize]);
+    let light = (0.6 + 0.4 * normal.dot(&Vector3::new(0.3, 0.8, -0.5))) as f32;
+    let paint = if point.y > 0.03 {
+        [60.0, 80.0, 110.0]
+    } else {
+        [200.0, 40.0, 30.0]
+    };
+    paint.map(|part: f32| (part * light).clamp(0.0, 255.0))
+}

@@ -1,0 +1,128 @@
+//! A folder that appears complete or not at all.
+
+use super::ReportError;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Refuses an `out` that exists: call it before the work, so that no solve is lost.
+pub fn check_out(out: &Path) -> Result<(), ReportError> {
+    match out.symlink_metadata() {
+        Ok(_) => Err(ReportError::OutputExists { path: out.to_owned() }),
+        Err(_) => Ok(()),
+    }
+}
+
+/// A hidden sibling of `out`, removed on drop unless published.
+pub(super) struct Staging {
+    // Its folder inside has the user's default permissions, which a temporary folder has not.
+    shelter: tempfile::TempDir,
+    out: PathBuf,
+}
+
+impl Staging {
+    pub(super) fn beside(out: &Path) -> Result<Self, ReportError> {
+        check_out(out)?;
+        let parent = match out.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        std::fs::create_dir_all(parent).map_err(ReportError::io(parent))?;
+        let shelter = tempfile::Builder::new()
+            .prefix(".spba-ceres-")
+            .tempdir_in(parent)
+            .map_err(ReportError::io(parent))?;
+        let staging = Self {
+            shelter,
+            out: out.to_owned(),
+        };
+        std::fs::create_dir(staging.path()).map_err(ReportError::io(out))?;
+        Ok(staging)
+    }
+
+    pub(super) fn path(&self) -> PathBuf {
+        self.shelter.path().join("result")
+    }
+
+    /// Creates a folder inside.
+    pub(super) fn folder(&self, name: &str) -> Result<PathBuf, ReportError> {
+        let path = self.path().join(name);
+        std::fs::create_dir(&path).map_err(ReportError::io(&path))?;
+        Ok(path)
+    }
+
+    pub(super) fn text(&self, name: &str, text: &str) -> Result<(), ReportError> {
+        let path = self.path().join(name);
+        std::fs::write(&path, text).map_err(ReportError::io(&path))
+    }
+
+    /// Renames the folder to `out`.
+    pub(super) fn publish(self) -> Result<(), ReportError> {
+        check_out(&self.out)?;
+        std::fs::rename(self.path(), &self.out).map_err(ReportError::io(&self.out))
+    }
+}
+
+/// A file name without extension for each frame: its name without the image's extension, anything but letters,
+/// digits, `.`, `_` and `-` replaced by `_`, and its index appended where two would be equal.
+pub fn file_stems<'a>(frames: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    frames
+        .into_iter()
+        .enumerate()
+        .map(|(index, name)| {
+            let stem = match name.rsplit_once('.') {
+                Some((stem, extension)) if !stem.is_empty() && is_image(extension) => stem,
+                _ => name,
+            };
+            let safe = |c: char| {
+                if c.is_ascii_alphanumeric() || "._-".contains(c) {
+                    c
+                } else {
+                    '_'
+                }
+            };
+            let mut stem: String = stem.chars().map(safe).collect();
+            while !taken.insert(stem.clone()) {
+                stem = format!("{stem}-{index}");
+            }
+            stem
+        })
+        .collect()
+}
+
+fn is_image(extension: &str) -> bool {
+    ["png", "jpg", "jpeg", "ppm", "bmp", "tif", "tiff"]
+        .iter()
+        .any(|known| extension.eq_ignore_ascii_case(known))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stems_are_safe_and_distinct() {
+        let stems = file_stems(["a.JPG", "left/a.jpg", "a.png", "00.5", "../x", "left_a"]);
+        assert_eq!(stems, ["a", "left_a", "a-2", "00.5", ".._x", "left_a-5"]);
+    }
+
+    #[test]
+    fn nothing_is_left_unless_published() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("deep/out");
+        let staging = Staging::beside(&out).unwrap();
+        staging.text("a.txt", "a").unwrap();
+        drop(staging);
+        assert_eq!(std::fs::read_dir(home.path().join("deep")).unwrap().count(), 0);
+
+        let staging = Staging::beside(&out).unwrap();
+        staging.text("a.txt", "a").unwrap();
+        staging.publish().unwrap();
+        assert_eq!(std::fs::read_to_string(out.join("a.txt")).unwrap(), "a");
+        assert!(matches!(
+            Staging::beside(&out),
+            Err(ReportError::OutputExists { .. })
+        ));
+        assert_eq!(std::fs::read_dir(home.path().join("deep")).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,166 @@
+//! The shape as a binary little-endian PLY that every viewer opens: `float x y z nx ny nz`, `uchar red green blue`.
+
+use super::{ReportError, Surface};
+use crate::geometry::Vector3;
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::{
+    Addable, ElementDef, Encoding, Ply, Property, PropertyAccess, PropertyAccessResult, PropertyDef,
+    PropertyType, ScalarType,
+};
+use ply_rs_bw::writer::Writer;
+use std::io::BufReader;
+use std::path::Path;
+
+/// Writes points, normals and colours, with `comments` in the header (one line each).
+pub(super) fn write_shape(
+    path: &Path,
+    surface: &Surface,
+    colours: &[[u8; 3]],
+    comments: &[String],
+) -> Result<(), ReportError> {
+    let mut vertex = ElementDef::new("vertex".to_owned());
+    for (names, scalar) in [
+        (&["x", "y", "z", "nx", "ny", "nz"][..], ScalarType::Float),
+        (&["red", "green", "blue"], ScalarType::UChar),
+    ] {
+        for name in names {
+            let kind = PropertyType::Scalar(scalar.clone());
+            vertex.properties.add(PropertyDef::new((*name).to_owned(), kind));
+        }
+    }
+    let mut ply = Ply::<Vertex>::new();
+    ply.header.encoding = Encoding::BinaryLittleEndian;
+    ply.header.comments = comments.to_vec();
+    ply.header.elements.add(vertex);
+    let vertices = surface
+        .points
+        .iter()
+        .zip(&surface.normals)
+        .zip(colours)
+        .map(|((point, normal), &colour)| Vertex {
+            position: point.map(|c| c as f32).into(),
+            normal: normal.map(|c| c as f32).into(),
+            colour,
+        })
+        .collect();
+    ply.payload.insert("vertex".to_owned(), vertices);
+    let mut bytes = Vec::new();
+    Writer::new()
+        .write_ply(&mut bytes, &mut ply)
+        .map_err(|error| ReportError::format(path, error))?;
+    std::fs::write(path, bytes).map_err(ReportError::io(path))
+}
+
+/// The points of a PLY's `vertex` element (N × 3).
+pub fn read_shape(path: &Path) -> Result<Vec<Vector3<f64>>, ReportError> {
+    let file = std::fs::File::open(path).map_err(ReportError::io(path))?;
+    let ply = Parser::<Vertex>::new()
+        .read_ply(&mut BufReader::new(file))
+        .map_err(|error| ReportError::format(path, error))?;
+    let points: Vec<_> = ply
+        .payload
+        .get("vertex")
+        .into_iter()
+        .flatten()
+        .map(|vertex| Vector3::from(vertex.position).map(f64::from))
+        .collect();
+    if points.is_empty() || points.iter().any(|p| !p.iter().all(|c| c.is_finite())) {
+        return Err(ReportError::format(
+            path,
+            "vertex must hold at least one point, all finite",
+        ));
+    }
+    Ok(points)
+}
+
+#[derive(Default)]
+struct Vertex {
+    position: [f32; 3],
+    normal: [f32; 3],
+    colour: [u8; 3],
+}
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let value = match property {
+            Property::Float(value) => value,
+            Property::Double(value) => value as f32,
+            _ => return PropertyAccessResult::Ignored,
+        };
+        match name {
+            "x" => self.position[0] = value,
+            "y" => self.position[1] = value,
+            "z" => self.position[2] = value,
+            _ => return PropertyAccessResult::Ignored,
+        }
+        PropertyAccessResult::Set
+    }
+
+    fn get_float(&self, name: &str) -> Option<f32> {
+        Some(match name {
+            "x" => self.position[0],
+            "y" => self.position[1],
+            "z" => self.position[2],
+            "nx" => self.normal[0],
+            "ny" => self.normal[1],
+            "nz" => self.normal[2],
+            _ => return None,
+        })
+    }
+
+    fn get_uchar(&self, name: &str) -> Option<u8> {
+        Some(match name {
+            "red" => self.colour[0],
+            "green" => self.colour[1],
+            "blue" => self.colour[2],
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_is_packed_little_endian_and_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("shape.ply");
+        let surface = Surface {
+            points: vec![Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.0, 4.0, 8.0)],
+            normals: vec![Vector3::x(), Vector3::y()],
+            radii: vec![0.1; 2],
+        };
+        write_shape(
+            &path,
+            &surface,
+            &[[255, 1, 2], [3, 4, 5]],
+            &["frame: object".to_owned()],
+        )
+        .unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let header = std::str::from_utf8(&bytes[..end]).unwrap();
+        assert!(
+            header.starts_with("ply\nformat binary_little_endian 1.0\n"),
+            "{header}"
+        );
+        assert!(header.contains("comment frame: object\n"));
+        assert_eq!(bytes.len() - end, 2 * 27);
+        assert_eq!(bytes[end..end + 4], 1f32.to_le_bytes());
+        assert_eq!(bytes[end + 24..end + 27], [255, 1, 2]);
+        assert_eq!(read_shape(&path).unwrap(), surface.points);
+    }
+
+    #[test]
+    fn what_is_no_ply_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("shape.ply");
+        std::fs::write(&path, "solid nothing").unwrap();
+        assert!(read_shape(&path).unwrap_err().to_string().contains("shape.ply"));
+    }
+}

@@ -1,0 +1,235 @@
+//! `result.json`: what a solve found, in numbers (schema 1).
+
+use super::ReportError;
+use crate::geometry::{Matrix3, Pose, Rotation3, Similarity, Vector3};
+use crate::solver::{Evaluations, HypothesisOutcome, ObjectiveValue, Termination};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The only schema that this version writes and reads.
+const SCHEMA: u32 = 1;
+/// The largest entry of RᵀR − 1 for which R still counts as a rotation.
+const ROTATION_TOLERANCE: f64 = 1e-6;
+
+/// `result.json`, key by key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    pub schema: u32,
+    /// The program's version.
+    pub version: String,
+    /// The input as the user gave it.
+    pub input: String,
+    /// The shape prior's name and version.
+    pub prior: String,
+    pub frames: Vec<FrameResult>,
+    /// s, S entries.
+    pub style: Vec<f64>,
+    /// α: x_cam = α x'_cam (Eq. 10); `None` where the input brings neither poses nor depth.
+    pub alpha: Option<f64>,
+    /// `None` where the input brings no poses.
+    pub object_from_input: Option<SimilarityRecord>,
+    pub objective: ObjectiveSpan,
+    pub silhouette_iou_mean: f64,
+    pub density_mean: f64,
+    pub evaluations: Evaluations,
+    pub iterations: usize,
+    pub termination: Termination,
+    /// Stage name → wall-clock seconds.
+    pub seconds: BTreeMap<String, f64>,
+    pub peak_memory_mb: Option<f64>,
+    pub hypotheses: Vec<HypothesisOutcome>,
+}
+
+/// One frame of `result.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameResult {
+    pub name: String,
+    /// `camera_from_object`, row by row; x right, y down, z forward in the camera.
+    pub rotation: [[f64; 3]; 3],
+    /// `camera_from_object`, object units.
+    pub translation: [f64; 3],
+    /// The camera's centre in the object frame.
+    pub center: [f64; 3],
+    /// Of the projected shape and the given mask.
+    pub silhouette_iou: f64,
+    /// The share of the given mask's pixels that visible projected points cover.
+    pub density: f64,
+}
+
+/// x_object = scale · rotation x_input + translation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SimilarityRecord {
+    pub scale: f64,
+    /// Row by row.
+    pub rotation: [[f64; 3]; 3],
+    pub translation: [f64; 3],
+}
+
+/// The objective before the first and after the last iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ObjectiveSpan {
+    pub start: ObjectiveValue,
+    pub end: ObjectiveValue,
+}
+
+impl FrameResult {
+    pub fn new(name: &str, camera_from_object: &Pose, silhouette_iou: f64, density: f64) -> Self {
+        Self {
+            name: name.to_owned(),
+            rotation: rows(&camera_from_object.rotation),
+            translation: camera_from_object.translation.into(),
+            center: camera_from_object.center().into(),
+            silhouette_iou,
+            density,
+        }
+    }
+
+    /// `None` if the rotation is none.
+    pub fn camera_from_object(&self) -> Option<Pose> {
+        let matrix = Matrix3::from(self.rotation).transpose();
+        let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+        (off <= ROTATION_TOLERANCE && matrix.determinant() > 0.0).then(|| Pose {
+            rotation: Rotation3::from_matrix_unchecked(matrix),
+            translation: Vector3::from(self.translation),
+        })
+    }
+}
+
+impl From<&Similarity> for SimilarityRecord {
+    fn from(similarity: &Similarity) -> Self {
+        Self {
+            scale: similarity.scale,
+            rotation: rows(&similarity.rotation),
+            translation: similarity.translation.into(),
+        }
+    }
+}
+
+impl RunResult {
+    pub(super) fn schema() -> u32 {
+        SCHEMA
+    }
+
+    /// Reads `result.json` of a result folder.
+    pub fn load(folder: &Path) -> Result<Self, ReportError> {
+        let path = folder.join("result.json");
+        let text = std::fs::read_to_string(&path).map_err(ReportError::io(&path))?;
+        let value: serde_json::Value =
+            serde_json::from_str(&text).map_err(|error| ReportError::format(&path, error))?;
+        if value.get("schema") != Some(&SCHEMA.into()) {
+            let message = format!(
+                "schema must be {SCHEMA}, found {}; solve again with this version",
+                value.get("schema").unwrap_or(&serde_json::Value::Null)
+            );
+            return Err(ReportError::format(&path, message));
+        }
+        let result: Self =
+            serde_json::from_value(value).map_err(|error| ReportError::format(&path, error))?;
+        match result.frames.iter().find(|f| f.camera_from_object().is_none()) {
+            None => Ok(result),
+            Some(frame) => {
+                let message = format!("frames[{}].rotation is not a rotation; solve again", frame.name);
+                Err(ReportError::format(&path, message))
+            }
+        }
+    }
+
+    /// Pretty JSON; refuses what JSON cannot hold.
+    pub(super) fn to_json(&self) -> Result<String, ReportError> {
+        if let Some(field) = self.first_not_finite() {
+            return Err(ReportError::NotFinite { field });
+        }
+        serde_json::to_string_pretty(self)
+            .map(|json| json + "\n")
+            .map_err(|error| ReportError::format(Path::new("result.json"), error))
+    }
+
+    fn first_not_finite(&self) -> Option<String> {
+        let objective = |value: &ObjectiveValue| {
+            [
+                value.total,
+                value.photometric,
+                value.silhouette,
+                value.inverse_depth,
+                value.style,
+            ]
+        };
+        let mut numbers: Vec<(String, Vec<f64>)> = vec![
+            ("style".into(), self.style.clone()),
+            ("alpha".into(), self.alpha.into_iter().collect()),
+            (
+                "objective.start".into(),
+                objective(&self.objective.start).to_vec(),
+            ),
+            ("objective.end".into(), objective(&self.objective.end).to_vec()),
+            ("seconds".into(), self.seconds.values().copied().collect()),
+            ("peak_memory_mb".into(), self.peak_memory_mb.into_iter().collect()),
+        ];
+        numbers.extend(self.object_from_input.iter().map(|similarity| {
+            let parts = [&[similarity.scale], &similarity.translation[..]].concat();
+            ("object_from_input".into(), parts)
+        }));
+        numbers.extend(self.frames.iter().map(|frame| {
+            let pose = [&frame.rotation.concat()[..], &frame.translation, &frame.center].concat();
+            (format!("frames[{}]", frame.name), pose)
+        }));
+        numbers.extend(self.hypotheses.iter().enumerate().map(|(i, h)| {
+            let values = [
+                h.azimuth_deg,
+                h.elevation_deg,
+                h.roll_deg,
+                h.template_iou,
+                h.objective_start,
+                h.objective_end,
+            ];
+            (format!("hypotheses[{i}]"), values.to_vec())
+        }));
+        numbers
+            .into_iter()
+            .find(|(_, values)| values.iter().any(|value| !value.is_finite()))
+            .map(|(field, _)| field)
+    }
+}
+
+fn rows(rotation: &Rotation3<f64>) -> [[f64; 3]; 3] {
+    // nalgebra's arrays are columns: those of the transpose are our rows.
+    rotation.matrix().transpose().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_are_written_row_by_row_and_read_back() {
+        let pose = Pose {
+            rotation: Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2),
+            translation: Vector3::new(1.0, 2.0, 3.0),
+        };
+        let frame = FrameResult::new("a", &pose, 0.5, 0.25);
+        // x goes to y: R e_x = e_y, so the first *column* is (0, 1, 0).
+        assert!((frame.rotation[1][0] - 1.0).abs() < 1e-12);
+        assert!((frame.rotation[0][1] + 1.0).abs() < 1e-12);
+        // R c + t = 0.
+        assert!((Vector3::from(frame.center) - Vector3::new(-2.0, 1.0, -3.0)).norm() < 1e-12);
+        let back = frame.camera_from_object().unwrap();
+        assert!((back.rotation.matrix() - pose.rotation.matrix()).norm() < 1e-12);
+        let mirrored = FrameResult {
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+            ..frame
+        };
+        assert!(mirrored.camera_from_object().is_none());
+    }
+
+    #[test]
+    fn another_schema_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("result.json"), "{\"schema\": 2}").unwrap();
+        let error = RunResult::load(folder.path()).unwrap_err().to_string();
+        assert!(
+            error.contains("result.json: schema must be 1, found 2"),
+            "{error}"
+        );
+    }
+}
