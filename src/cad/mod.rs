@@ -2,11 +2,14 @@
 
 mod ac3d;
 mod archive;
+mod contact_sheet;
 mod error;
 mod frame;
 mod lines;
 mod mesh;
 mod obj;
+mod orbit;
+pub mod render;
 mod sgi;
 mod sources;
 mod sweethome;
@@ -14,7 +17,9 @@ mod texture;
 mod torcs;
 mod torcs_wheel;
 
+pub use contact_sheet::contact_sheet;
 pub use error::CadError;
 pub use frame::{Axes, Axis};
 pub use mesh::{Material, Mesh, Texture, Triangle};
+pub use orbit::orbit;
 pub use sources::{NamedModel, SourceKind, SourceSpec, load_source};
