@@ -35,18 +35,3 @@ impl Estimate {
         }
     }
 }
-
-/// STUB until branch init.
-#[derive(Clone, Debug)]
-pub struct PoseHypothesis {
-    pub target_from_object: Pose,
-    pub azimuth_deg: f64,
-    pub elevation_deg: f64,
-    pub roll_deg: f64,
-    pub iou: f64,
-}
-#[derive(Clone, Debug)]
-pub struct Initialisation {
-    pub estimate: Estimate,
-    pub hypothesis: PoseHypothesis,
-}
