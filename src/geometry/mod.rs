@@ -8,4 +8,4 @@ pub use camera::Pinhole;
 pub use pose::{Pose, RelativePose};
 pub use similarity::Similarity;
 
-pub use nalgebra::{Matrix3, Point2, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
+pub use nalgebra::{Matrix3, Matrix4, Point2, Point3, Rotation3, UnitQuaternion, Vector2, Vector3, Vector4};

@@ -1,10 +1,20 @@
 //! The start of the optimisation (Sec. 2.4): style, pose hypotheses from silhouettes, scale and motion.
 
+mod hypotheses;
+mod initialise;
 mod motion;
+mod placement;
 mod scale;
+mod silhouette;
+mod templates;
+#[cfg(test)]
+mod testing;
 
+pub use hypotheses::{HypothesisOptions, PoseHypothesis, pose_hypotheses};
+pub use initialise::{InitError, InitOptions, Initialisation, initialise};
 pub use motion::motion_from_input;
 pub use scale::scale_from_inverse_depth;
+pub use templates::TemplateGrid;
 
 use crate::geometry::{Pose, RelativePose};
 

@@ -3,8 +3,8 @@
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
 
-/// Off-the-shelf translations below this share of the longest one carry no scale.
-const NEGLIGIBLE_TRANSLATION: f64 = 1e-6;
+/// Off-the-shelf translations |b| below this share of the camera's distance are noise: they carry no scale.
+const NEGLIGIBLE_TRANSLATION: f64 = 1e-3;
 
 /// α = mean over the source frames of α_l = ⟨a, b⟩ / ⟨b, b⟩ with
 /// a = R_l x̄ + t_l − R'_l R'_0ᵀ (R_0 x̄ + t_0) and b = t'_l − R'_l R'_0ᵀ t'_0.
@@ -103,7 +103,9 @@ mod tests {
             let estimate = Estimate { target_from_object: truth[0], motion, style: vec![], alpha: 1.0 };
             let mean = points.iter().map(|p| Vector3::from(*p)).sum::<Vector3<f64>>() / points.len() as f64;
             let poses: Vec<_> = input.iter().copied().map(Some).collect();
-            prop_assume!(input[1..].iter().all(|p| p.after(&input[0].inverse()).translation.norm() > 1e-3));
+            let shift = |pose: &Pose| pose.after(&input[0].inverse()).translation.norm();
+            let longest = input[1..].iter().map(shift).fold(input[0].translation.norm(), f64::max);
+            prop_assume!(input[1..].iter().all(|pose| shift(pose) > 2e-3 * longest));
             let found = scale_from_motion(&estimate, &poses, &mean).unwrap();
             prop_assert!((found / alpha - 1.0).abs() < 1e-6);
 

@@ -1,0 +1,266 @@
+//! Pose hypotheses for the target frame: the K best distinct templates (Sec. 2.4, p0), each with its mirror.
+//!
+//! The paper keeps the template with the highest IoU. A car's silhouette is nearly the same from the front left
+//! and the rear right, so several are kept, front/rear partners among them, and the objective chooses.
+
+use super::placement::{Placement, Scene};
+use super::silhouette::Observation;
+use super::templates::{Template, TemplateGrid};
+use crate::geometry::{Pinhole, Pose, Vector3};
+use crate::image::Mask;
+use rayon::prelude::*;
+
+/// How many hypotheses, and from where.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HypothesisOptions {
+    pub grid: TemplateGrid,
+    /// K: hypotheses kept.
+    pub count: usize,
+    /// Two hypotheses differ by at least this rotation, degrees.
+    pub distinct_deg: f64,
+}
+
+impl Default for HypothesisOptions {
+    fn default() -> Self {
+        Self {
+            grid: TemplateGrid::default(),
+            count: 8,
+            distinct_deg: 30.0,
+        }
+    }
+}
+
+/// A candidate for p0. The angles (degrees, conventions as in [`TemplateGrid`]) are those of the ray to the object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseHypothesis {
+    pub target_from_object: Pose,
+    pub azimuth_deg: f64,
+    pub elevation_deg: f64,
+    pub roll_deg: f64,
+    /// Silhouette IoU in the target frame.
+    pub iou: f64,
+}
+
+/// The best distinct poses, best IoU first, from one frame's mask. `points` sample the prior's mean shape every
+/// `spacing` (both object frame). Empty where the mask is.
+pub fn pose_hypotheses(
+    points: &[Vector3<f64>],
+    spacing: f64,
+    mask: &Mask,
+    camera: &Pinhole,
+    options: &HypothesisOptions,
+) -> Vec<PoseHypothesis> {
+    let Some(target) = Observation::new(mask, *camera) else {
+        return Vec::new();
+    };
+    let scene = Scene {
+        points: points.to_vec(),
+        spacing,
+        target,
+        reconstruction: None,
+    };
+    let found = search(&scene, options);
+    found
+        .into_iter()
+        .map(|candidate| candidate.hypothesis())
+        .collect()
+}
+
+/// A template in its place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    template: Template,
+    pub placement: Placement,
+}
+
+impl Candidate {
+    pub fn hypothesis(&self) -> PoseHypothesis {
+        PoseHypothesis {
+            target_from_object: self.placement.target_from_object,
+            azimuth_deg: self.template.azimuth_deg,
+            elevation_deg: self.template.elevation_deg,
+            roll_deg: self.template.roll_deg,
+            iou: self.placement.target_iou,
+        }
+    }
+
+    fn angle_to(&self, other: &Self) -> f64 {
+        let (a, b) = (
+            &self.placement.target_from_object,
+            &other.placement.target_from_object,
+        );
+        a.rotation.angle_to(&b.rotation).to_degrees()
+    }
+}
+
+/// The K best distinct candidates by mean IoU, best first.
+pub(super) fn search(scene: &Scene, options: &HypothesisOptions) -> Vec<Candidate> {
+    let Some(centroid) = scene.target.centroid_px(&scene.target.mask) else {
+        return Vec::new();
+    };
+    let ray = scene.target.camera.unproject(&centroid, 1.0);
+    let placed = |template: Template| {
+        let placement = scene.place(&template.rotation(&ray))?;
+        Some(Candidate { template, placement })
+    };
+    let templates = options.grid.templates();
+    let mut candidates: Vec<Candidate> = templates.into_par_iter().filter_map(placed).collect();
+    sort_by_score(&mut candidates);
+
+    let mut chosen: Vec<Candidate> = Vec::new();
+    let distinct = |candidate: &Candidate, chosen: &[Candidate]| {
+        chosen
+            .iter()
+            .all(|other| candidate.angle_to(other) >= options.distinct_deg)
+    };
+    for candidate in candidates {
+        if chosen.len() >= options.count {
+            break;
+        }
+        if !distinct(&candidate, &chosen) {
+            continue;
+        }
+        let step_deg = options.grid.azimuth_step_deg;
+        for start in [Some(candidate), placed(candidate.template.mirrored())]
+            .into_iter()
+            .flatten()
+        {
+            let refined = refine(start, step_deg, placed);
+            if chosen.len() < options.count && distinct(&refined, &chosen) {
+                chosen.push(refined);
+            }
+        }
+    }
+    sort_by_score(&mut chosen);
+    chosen
+}
+
+fn sort_by_score(candidates: &mut [Candidate]) {
+    // Stable, so that ties keep the grid's order.
+    candidates.sort_by(|a, b| b.placement.mean_iou.total_cmp(&a.placement.mean_iou));
+}
+
+/// Climbs to the best template within one grid step or so, by halving steps along each angle.
+fn refine(
+    start: Candidate,
+    grid_step_deg: f64,
+    placed: impl Fn(Template) -> Option<Candidate> + Sync,
+) -> Candidate {
+    let mut best = start;
+    for step_deg in [grid_step_deg / 2.0, grid_step_deg / 4.0] {
+        // Two moves per step size: more would leave the neighbourhood that the grid gave.
+        for _ in 0..2 {
+            let neighbours = best.template.neighbours(step_deg);
+            let moved: Vec<Candidate> = neighbours.into_par_iter().filter_map(&placed).collect();
+            let Some(better) = moved
+                .into_iter()
+                .max_by(|a, b| a.placement.mean_iou.total_cmp(&b.placement.mean_iou))
+                .filter(|c| c.placement.mean_iou > best.placement.mean_iou)
+            else {
+                break;
+            };
+            best = better;
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::init::testing::{BoxCar, CAMERA, sequence};
+    use crate::prior::ShapePrior;
+
+    fn template(azimuth_deg: f64, elevation_deg: f64, roll_deg: f64) -> Template {
+        Template {
+            azimuth_deg,
+            elevation_deg,
+            roll_deg,
+        }
+    }
+
+    fn car() -> (Vec<Vector3<f64>>, f64) {
+        let car = BoxCar::new(1500);
+        let mut points = vec![0.0; 3 * car.point_count()];
+        car.points(&[0.0], &mut points);
+        let spacing = crate::visibility::Surfels::new(&points).spacing();
+        (
+            points.chunks_exact(3).map(Vector3::from_column_slice).collect(),
+            spacing,
+        )
+    }
+
+    /// One mask, poses off the grid and off the image's centre: the truth is among the hypotheses, and close.
+    #[test]
+    fn the_truth_is_among_the_hypotheses() {
+        let (points, spacing) = car();
+        for (azimuth, elevation, roll, translation) in [
+            (0.0, 10.0, 0.0, Vector3::new(0.0, 0.1, 1.6)),
+            (33.0, 14.0, 3.0, Vector3::new(0.2, 0.1, 1.5)),
+            (95.0, 5.0, -2.0, Vector3::new(-0.1, 0.05, 1.7)),
+            (214.0, 24.0, 0.0, Vector3::new(0.3, -0.1, 2.2)),
+            (277.0, 8.0, 4.0, Vector3::new(-0.3, 0.2, 2.0)),
+        ] {
+            let truth = Pose {
+                rotation: template(azimuth, elevation, roll).rotation(&translation.normalize()),
+                translation,
+            };
+            let mask = &sequence(&[truth], 1.0).frames[0].mask;
+            let found = pose_hypotheses(&points, spacing, mask, &CAMERA, &HypothesisOptions::default());
+            assert_eq!(found.len(), 8);
+            assert!(found.is_sorted_by(|a, b| a.iou >= b.iou));
+            let angle = |h: &PoseHypothesis| {
+                h.target_from_object
+                    .rotation
+                    .angle_to(&truth.rotation)
+                    .to_degrees()
+            };
+            let best = found.iter().min_by(|a, b| angle(a).total_cmp(&angle(b))).unwrap();
+            let offset = (best.target_from_object.translation - translation).norm();
+            println!(
+                "{azimuth}: {:.1}° and {offset:.3} off, IoU {:.3}, best IoU {:.3}",
+                angle(best),
+                best.iou,
+                found[0].iou
+            );
+            assert!(angle(best) < 12.0, "azimuth {azimuth}: {:.1}°", angle(best));
+            assert!(offset < 0.06 * translation.norm(), "azimuth {azimuth}: {offset}");
+            for (i, a) in found.iter().enumerate() {
+                for b in &found[..i] {
+                    let between = a
+                        .target_from_object
+                        .rotation
+                        .angle_to(&b.target_from_object.rotation);
+                    assert!(between.to_degrees() > 29.99);
+                }
+            }
+        }
+    }
+
+    /// The best hypothesis has its front/rear partner beside it.
+    #[test]
+    fn the_mirror_partner_is_kept() {
+        let (points, spacing) = car();
+        let translation = Vector3::new(0.0, 0.0, 1.8);
+        let truth = Pose {
+            rotation: template(30.0, 10.0, 0.0).rotation(&translation.normalize()),
+            translation,
+        };
+        let mask = &sequence(&[truth], 1.0).frames[0].mask;
+        let found = pose_hypotheses(&points, spacing, mask, &CAMERA, &HypothesisOptions::default());
+        let azimuth_gap = |a: f64, b: f64| ((a - b + 540.0).rem_euclid(360.0) - 180.0).abs();
+        let partner = found[0].azimuth_deg + 180.0;
+        assert!(
+            found.iter().any(|h| azimuth_gap(h.azimuth_deg, partner) < 25.0),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn an_empty_mask_has_no_hypotheses() {
+        let (points, spacing) = car();
+        let mask = Mask::filled(30, 20, false);
+        assert!(pose_hypotheses(&points, spacing, &mask, &CAMERA, &HypothesisOptions::default()).is_empty());
+    }
+}

@@ -1,0 +1,408 @@
+//! From a sequence and a prior to the solver's starting points (Sec. 2.4).
+
+use super::Estimate;
+use super::hypotheses::{HypothesisOptions, PoseHypothesis, search};
+use super::motion_from_input;
+use super::placement::{Reconstruction, Scene, TargetDepth};
+use super::silhouette::Observation;
+use crate::geometry::{Pose, RelativePose, Vector3};
+use crate::image::{DepthMap, halve_depth, halve_mask};
+use crate::prior::ShapePrior;
+use crate::sequence::{Frame, Sequence};
+use crate::visibility::Surfels;
+use rayon::prelude::*;
+
+/// Depth is compared at a resolution of at most this many columns: α needs no more.
+const DEPTH_COLUMNS: usize = 192;
+
+/// Options of [`initialise`].
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct InitOptions {
+    pub hypotheses: HypothesisOptions,
+    /// Points of the prior that make a silhouette.
+    pub points: usize,
+    /// Frames, spread over the sequence, whose silhouettes rank a hypothesis where off-the-shelf poses exist.
+    pub frames: usize,
+}
+
+impl Default for InitOptions {
+    fn default() -> Self {
+        Self {
+            hypotheses: HypothesisOptions::default(),
+            points: 2048,
+            frames: 8,
+        }
+    }
+}
+
+/// One starting point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Initialisation {
+    pub estimate: Estimate,
+    pub hypothesis: PoseHypothesis,
+    /// What the list is sorted by: the mean silhouette IoU over the chosen frames where off-the-shelf poses exist,
+    /// the target's own otherwise.
+    pub mean_iou: f64,
+}
+
+/// Why there is no starting point.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum InitError {
+    #[error("sequence `{sequence}`: no frames; give at least two")]
+    NoFrames { sequence: String },
+    #[error("frame {frame} `{name}`: the mask is empty; mark the object in it or leave the frame out")]
+    EmptyMask { frame: usize, name: String },
+    #[error("style has {given} entries, the prior wants {wanted}; give as many as the prior has modes")]
+    StyleLength { given: usize, wanted: usize },
+    #[error("init option `{field}` is {value}; {mend}")]
+    Option {
+        field: &'static str,
+        value: String,
+        mend: &'static str,
+    },
+    #[error("frame 0 `{name}`: no template fits the mask; check the mask and the focal length")]
+    NothingFits { name: String },
+}
+
+/// Starting points for every variable, the most likely first (at most K of [`HypothesisOptions`]).
+///
+/// `style` (S entries) gives the shape that is looked for: the prior's mean, or what a regressor makes of the
+/// frames. p0 comes from silhouettes. Where the off-the-shelf reconstruction holds the target and another frame,
+/// α comes from Eq. 11 (or, without depth, from where the masks' centroids meet), Δp_l from Eq. 13, and both are
+/// refined together with t0 so that all chosen frames' silhouettes agree in place and size, if that raises
+/// their mean IoU; a frame without a pose takes that of the nearest frame that has one. Without poses α is 1 and each
+/// frame keeps the target's viewing angle, placed by its own mask.
+pub fn initialise(
+    sequence: &Sequence,
+    prior: &dyn ShapePrior,
+    style: &[f64],
+    options: &InitOptions,
+) -> Result<Vec<Initialisation>, InitError> {
+    check(sequence, prior, style, options)?;
+    let observations = observe(sequence)?;
+    let Some(target) = observations.first().cloned() else {
+        return Err(InitError::NoFrames {
+            sequence: sequence.name.clone(),
+        });
+    };
+
+    let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];
+    prior.points(style, &mut points);
+    let surfels = Surfels::new(&points);
+    let input_poses = input_poses(&sequence.frames);
+    let reconstruction = input_poses.as_ref().map(|poses| {
+        let chosen = spread(sequence.frames.len(), options.frames);
+        Reconstruction {
+            camera_from_input: chosen.iter().map(|&frame| poses[frame]).collect(),
+            sources: chosen
+                .iter()
+                .skip(1)
+                .map(|&frame| observations[frame].clone())
+                .collect(),
+            depth: sequence
+                .frames
+                .first()
+                .and_then(|frame| target_depth(frame, &points, &surfels)),
+        }
+    });
+    let scene = Scene {
+        points: points.chunks_exact(3).map(Vector3::from_column_slice).collect(),
+        spacing: surfels.spacing(),
+        target,
+        reconstruction,
+    };
+
+    let candidates = search(&scene, &options.hypotheses);
+    if candidates.is_empty() {
+        let name = sequence.frames[0].name.clone();
+        return Err(InitError::NothingFits { name });
+    }
+    let starts = candidates.iter().map(|candidate| {
+        let hypothesis = candidate.hypothesis();
+        let alpha = candidate.placement.alpha.unwrap_or(1.0);
+        let motion = match &input_poses {
+            Some(poses) => motion_from_input(&hypothesis.target_from_object, poses, alpha),
+            None => motion_from_masks(&scene, &observations, &hypothesis.target_from_object),
+        };
+        Initialisation {
+            estimate: Estimate {
+                target_from_object: hypothesis.target_from_object,
+                motion,
+                style: style.to_vec(),
+                alpha,
+            },
+            hypothesis,
+            mean_iou: candidate.placement.mean_iou,
+        }
+    });
+    Ok(starts.collect())
+}
+
+fn check(
+    sequence: &Sequence,
+    prior: &dyn ShapePrior,
+    style: &[f64],
+    options: &InitOptions,
+) -> Result<(), InitError> {
+    let wrong = |field, value: String, mend| Err(InitError::Option { field, value, mend });
+    let HypothesisOptions {
+        grid,
+        count,
+        distinct_deg,
+    } = &options.hypotheses;
+    if !(1.0..=180.0).contains(&grid.azimuth_step_deg) {
+        return wrong(
+            "azimuth_step_deg",
+            grid.azimuth_step_deg.to_string(),
+            "give 1 to 180",
+        );
+    }
+    if grid.elevations_deg.is_empty() || !grid.elevations_deg.iter().all(|e| e.abs() <= 90.0) {
+        return wrong(
+            "elevations_deg",
+            format!("{:?}", grid.elevations_deg),
+            "give some within ±90",
+        );
+    }
+    if grid.rolls_deg.is_empty() || !grid.rolls_deg.iter().all(|r| r.abs() <= 180.0) {
+        return wrong(
+            "rolls_deg",
+            format!("{:?}", grid.rolls_deg),
+            "give some within ±180",
+        );
+    }
+    if *count == 0 {
+        return wrong("count", count.to_string(), "give at least 1");
+    }
+    if !(0.0..=180.0).contains(distinct_deg) {
+        return wrong("distinct_deg", distinct_deg.to_string(), "give 0 to 180");
+    }
+    if options.points < 100 {
+        return wrong("points", options.points.to_string(), "give at least 100");
+    }
+    if options.frames == 0 {
+        return wrong("frames", options.frames.to_string(), "give at least 1");
+    }
+    if style.len() != prior.style_len() {
+        return Err(InitError::StyleLength {
+            given: style.len(),
+            wanted: prior.style_len(),
+        });
+    }
+    if sequence.frames.is_empty() {
+        return Err(InitError::NoFrames {
+            sequence: sequence.name.clone(),
+        });
+    }
+    Ok(())
+}
+
+fn observe(sequence: &Sequence) -> Result<Vec<Observation>, InitError> {
+    let observe = |(index, frame): (usize, &Frame)| {
+        Observation::new(&frame.mask, frame.camera).ok_or_else(|| InitError::EmptyMask {
+            frame: index,
+            name: frame.name.clone(),
+        })
+    };
+    let observed: Vec<_> = sequence.frames.par_iter().enumerate().map(observe).collect();
+    observed.into_iter().collect()
+}
+
+/// Every frame's R', t', gaps filled from the nearest frame that has one (the earlier on a tie); `None` unless the
+/// target and another frame have theirs.
+fn input_poses(frames: &[Frame]) -> Option<Vec<Pose>> {
+    frames.first()?.camera_from_input?;
+    let known: Vec<(usize, Pose)> = frames
+        .iter()
+        .enumerate()
+        .filter_map(|(index, frame)| Some((index, frame.camera_from_input?)))
+        .collect();
+    if known.len() < 2 {
+        return None;
+    }
+    let nearest = |frame: usize| known.iter().min_by_key(|(index, _)| index.abs_diff(frame));
+    (0..frames.len())
+        .map(|frame| nearest(frame).map(|(_, pose)| *pose))
+        .collect()
+}
+
+/// At most `count` of 0..`total`, evenly spread, the first and the last among them.
+fn spread(total: usize, count: usize) -> Vec<usize> {
+    let count = count.min(total);
+    (0..count).map(|i| i * (total - 1) / (count - 1).max(1)).collect()
+}
+
+/// The target's depth within its mask, reduced; `None` where nothing is known.
+fn target_depth(frame: &Frame, points: &[f64], surfels: &Surfels) -> Option<TargetDepth> {
+    let given = frame.depth.as_ref()?;
+    let mut mask = frame.mask.clone();
+    let within = given.data().iter().zip(mask.data());
+    let within = within.map(|(&z, &inside)| if inside && z.is_finite() { z } else { 0.0 });
+    let mut depth = DepthMap::from_vec(mask.width(), mask.height(), within.collect())?;
+    let mut camera = frame.camera;
+    while mask.width() > DEPTH_COLUMNS {
+        (depth, mask) = (halve_depth(&depth), halve_mask(&mask));
+        camera = camera.scaled(0.5, 0.5);
+    }
+    depth.data().iter().any(|&z| z > 0.0).then(|| TargetDepth {
+        depth,
+        mask,
+        camera,
+        points: points.to_vec(),
+        surfels: surfels.clone(),
+    })
+}
+
+/// Without off-the-shelf poses: the target's rotation everywhere, each frame placed by its own mask.
+fn motion_from_masks(
+    scene: &Scene,
+    observations: &[Observation],
+    target_from_object: &Pose,
+) -> Vec<RelativePose> {
+    let place = |frame: &Observation| {
+        let translation = scene
+            .place_in(frame, &target_from_object.rotation)
+            .unwrap_or(target_from_object.translation);
+        let source_from_object = Pose {
+            translation,
+            ..*target_from_object
+        };
+        RelativePose::between(target_from_object, &source_from_object)
+    };
+    observations.par_iter().skip(1).map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Rotation3;
+    use crate::init::testing::{BoxCar, sequence};
+
+    /// A car on a turntable before a fixed camera, its front almost towards it at first.
+    fn turntable(frames: usize, step_deg: f64) -> Vec<Pose> {
+        let tilt = Rotation3::from_scaled_axis(Vector3::new(std::f64::consts::PI - 0.15, 0.0, 0.0));
+        (0..frames)
+            .map(|i| {
+                let angle = (170.0 + step_deg * i as f64).to_radians() + std::f64::consts::PI;
+                Pose {
+                    rotation: tilt * Rotation3::from_scaled_axis(Vector3::new(0.0, angle, 0.0)),
+                    translation: Vector3::new(0.1, 0.05, 1.7),
+                }
+            })
+            .collect()
+    }
+
+    fn quick() -> InitOptions {
+        InitOptions {
+            points: 1200,
+            ..InitOptions::default()
+        }
+    }
+
+    fn start(sequence: &Sequence) -> Vec<Initialisation> {
+        initialise(sequence, &BoxCar::new(1200), &[0.0], &quick()).unwrap()
+    }
+
+    fn assert_close(found: &[Initialisation], truth: &[Pose], alpha: f64) {
+        let angle = |start: &Initialisation| {
+            let rotation = start.estimate.target_from_object.rotation;
+            rotation.angle_to(&truth[0].rotation).to_degrees()
+        };
+        for start in found {
+            println!(
+                "az {:5.1} el {:5.1} roll {:5.1} IoU {:.3} mean {:.3} α {:.3} angle {:.1}",
+                start.hypothesis.azimuth_deg,
+                start.hypothesis.elevation_deg,
+                start.hypothesis.roll_deg,
+                start.hypothesis.iou,
+                start.mean_iou,
+                start.estimate.alpha,
+                angle(start)
+            );
+        }
+        let best = found.iter().min_by(|a, b| angle(a).total_cmp(&angle(b))).unwrap();
+        assert!(angle(best) < 10.0, "{}", angle(best));
+        assert!(
+            (best.estimate.alpha / alpha - 1.0).abs() < 0.05,
+            "α {}",
+            best.estimate.alpha
+        );
+        for (frame, pose) in truth.iter().enumerate() {
+            let offset = (best.estimate.camera_from_object(frame).translation - pose.translation).norm();
+            assert!(offset < 0.1, "frame {frame}: {offset}");
+        }
+    }
+
+    #[test]
+    fn a_turntable_is_found_with_depth_and_without() {
+        let truth = turntable(9, 10.0);
+        let mut sequence = sequence(&truth, 0.4);
+        let found = start(&sequence);
+        assert_eq!(found.len(), 8);
+        assert!(found.is_sorted_by(|a, b| a.mean_iou >= b.mean_iou));
+        assert_close(&found, &truth, 0.4);
+        for frame in &mut sequence.frames {
+            frame.depth = None;
+        }
+        assert_close(&start(&sequence), &truth, 0.4);
+        sequence.frames[3].camera_from_input = None;
+        let found = start(&sequence);
+        assert_eq!(found[0].estimate.motion.len(), 8);
+        assert_eq!(found[0].estimate.motion[2], found[0].estimate.motion[1]);
+    }
+
+    #[test]
+    fn without_poses_each_frame_is_placed_by_its_mask() {
+        let mut truth = vec![turntable(1, 0.0)[0]; 2];
+        truth[1].translation += Vector3::new(0.3, -0.1, 0.4);
+        let mut sequence = sequence(&truth, 1.0);
+        for frame in &mut sequence.frames {
+            frame.camera_from_input = None;
+        }
+        let found = start(&sequence);
+        assert_eq!(found[0].estimate.alpha, 1.0);
+        for start in &found[..2] {
+            let moved = start.estimate.motion[0].0.translation;
+            assert!((moved - Vector3::new(0.3, -0.1, 0.4)).norm() < 0.08, "{moved}");
+        }
+    }
+
+    #[test]
+    fn the_same_input_gives_the_same_bytes() {
+        let sequence = sequence(&turntable(4, 15.0), 2.0);
+        assert_eq!(start(&sequence), start(&sequence));
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let mut sequence = sequence(&turntable(2, 15.0), 2.0);
+        let car = BoxCar::new(400);
+        let style = initialise(&sequence, &car, &[], &quick());
+        assert_eq!(style, Err(InitError::StyleLength { given: 0, wanted: 1 }));
+        let mut options = quick();
+        options.hypotheses.grid.azimuth_step_deg = f64::NAN;
+        let message = initialise(&sequence, &car, &[0.0], &options)
+            .unwrap_err()
+            .to_string();
+        assert_eq!(message, "init option `azimuth_step_deg` is NaN; give 1 to 180");
+        sequence.frames[1].mask.data_mut().fill(false);
+        let message = initialise(&sequence, &car, &[0.0], &quick())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.starts_with("frame 1 `frame-1`: the mask is empty"),
+            "{message}"
+        );
+        sequence.frames.clear();
+        let none = initialise(&sequence, &car, &[0.0], &quick());
+        assert!(matches!(none, Err(InitError::NoFrames { .. })));
+    }
+
+    #[test]
+    fn frames_are_spread_evenly() {
+        assert_eq!(spread(16, 8), [0, 2, 4, 6, 8, 10, 12, 15]);
+        assert_eq!(spread(3, 8), [0, 1, 2]);
+        assert_eq!(spread(5, 1), [0]);
+    }
+}
