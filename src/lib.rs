@@ -13,6 +13,7 @@
 
 pub(crate) mod bridge;
 pub mod cad;
+pub mod config;
 pub mod eval;
 pub mod geometry;
 pub mod image;

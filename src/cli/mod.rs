@@ -4,6 +4,7 @@ mod eval;
 mod import;
 mod inspect;
 mod prior;
+mod progress;
 mod render;
 mod solve;
 

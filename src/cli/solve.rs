@@ -1,9 +1,242 @@
 //! `spba-ceres solve`.
 
-/// Recover shape and cameras from a sequence.
-#[derive(clap::Args)]
-pub struct Args {}
+use super::progress;
+use anyhow::Context;
+use clap::ValueEnum;
+use spba_ceres::config::Config;
+use spba_ceres::prior::{self, ShapePrior};
+use spba_ceres::report::{self, ReportInput, Surface};
+use spba_ceres::solver::{Minimiser, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius};
+use spba_ceres::{init, sequence, solver};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
 
-pub fn run(_args: &Args) -> anyhow::Result<()> {
-    anyhow::bail!("not written yet")
+/// Recover an object's full shape and every camera from a sequence.
+///
+/// INPUT is a sequence folder (`sequence.toml`), or a COLMAP workspace (`images/`, `sparse/`, `masks/`, perhaps
+/// `stereo/depth_maps/`). Flags override the configuration file, which overrides the defaults.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Sequence folder or COLMAP workspace
+    input: PathBuf,
+    /// Folder for the result; must not exist
+    #[arg(long, short)]
+    out: PathBuf,
+    /// Shape prior: the name of a bundled one, or a file [default: car]
+    #[arg(long)]
+    prior: Option<String>,
+    /// TOML file with any of the keys of a result's config.toml
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// openMVS folder (scene.mvs, depth*.dmap) that goes with a COLMAP workspace
+    #[arg(long)]
+    depth: Option<PathBuf>,
+    /// Frames to use, such as 0..16 [default: all]
+    #[arg(long, value_name = "START..END")]
+    frames: Option<String>,
+    /// Use every n-th of these frames [default: 1]
+    #[arg(long, value_name = "N")]
+    every: Option<usize>,
+    /// Ceres minimiser [default: lm; the paper uses lbfgs]
+    #[arg(long)]
+    solver: Option<Method>,
+    /// Which variables move together: all (joint), or p0, motion and style in turn as in Algorithm 1
+    /// (alternating) [default: joint; the paper alternates]
+    #[arg(long)]
+    strategy: Option<StrategyArg>,
+    #[command(flatten)]
+    objective: ObjectiveArgs,
+    /// Pyramid levels [default: 3; the paper mentions none]
+    #[arg(long, value_name = "N")]
+    levels: Option<usize>,
+    /// Steps of Algorithm 1 per pyramid level [default: 10]
+    #[arg(long, value_name = "N")]
+    max_steps: Option<usize>,
+    /// Ceres iterations per call [default: 20]
+    #[arg(long, value_name = "N")]
+    iterations: Option<u32>,
+    /// Stop once the objective is below (δ_L) [default: 0]
+    #[arg(long, value_name = "VALUE")]
+    threshold: Option<f64>,
+    /// Stop when a step lowers the objective by a smaller share [default: 0.001]
+    #[arg(long, value_name = "SHARE")]
+    tolerance: Option<f64>,
+    /// First trust-region radius (lm only) [default: 1e4]
+    #[arg(long, value_name = "RADIUS")]
+    trust_region_radius: Option<f64>,
+    /// Past steps that L-BFGS remembers (lbfgs only) [default: 20]
+    #[arg(long, value_name = "N")]
+    lbfgs_rank: Option<u32>,
+    /// Pose hypotheses that each get a short solve [default: 8; the paper keeps the one of best IoU]
+    #[arg(long, value_name = "N")]
+    hypotheses: Option<usize>,
+    /// Threads over hypotheses; the result does not depend on it [default: one per core]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+}
+
+#[derive(clap::Args)]
+#[command(next_help_heading = "Objective")]
+struct ObjectiveArgs {
+    /// Weight of the photometric term [default: 1]
+    #[arg(long, value_name = "WEIGHT")]
+    photometric_weight: Option<f64>,
+    /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 100]
+    #[arg(long, value_name = "WIDTH")]
+    photometric_huber: Option<f64>,
+    /// λ1, weight of the silhouettes' Chamfer distance [default: 0.1]
+    #[arg(long, value_name = "WEIGHT")]
+    silhouette_weight: Option<f64>,
+    /// λ2, weight of the inverse-depth term [default: 1000]
+    #[arg(long, value_name = "WEIGHT")]
+    inverse_depth_weight: Option<f64>,
+    /// δ2, Huber width of an inverse-depth difference [default: 10]
+    #[arg(long, value_name = "WIDTH")]
+    inverse_depth_huber: Option<f64>,
+    /// Weight of -log p(style), which keeps the shape plausible [default: 1; the paper has no such term]
+    #[arg(long, value_name = "WEIGHT")]
+    style_weight: Option<f64>,
+    /// Points of the prior to solve with; 0 = all [default: 8192]
+    #[arg(long, value_name = "N")]
+    points: Option<usize>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Method {
+    Lm,
+    Lbfgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum StrategyArg {
+    Alternating,
+    Joint,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let config = effective_config(args)?;
+    report::check_out(&args.out)?;
+    rayon::ThreadPoolBuilder::new().num_threads(config.threads).build_global().context("threads")?;
+
+    let began = Instant::now();
+    let sequence = sequence::load(&args.input, &config.input.load_options()?)?;
+    let prior = prior::find(&config.prior)?;
+    let prior_name = prior.describe();
+    let prior: Arc<dyn ShapePrior> = Arc::new(prior);
+    let loading_seconds = began.elapsed().as_secs_f64();
+
+    let mean_style = vec![0.0; prior.style_len()];
+    let starts = init::initialise(&sequence, prior.as_ref(), &mean_style, &config.init)?;
+    let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
+
+    let watch = progress::Watch::start()?;
+    let mut solution = solver::solve(&sequence, &prior, &starts, &config.objective, &config.solver, &|row| {
+        watch.see(row)
+    })?;
+    watch.finish();
+    solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
+    solution.seconds.insert(1, ("initialise".to_owned(), initialising_seconds));
+
+    let surface = Surface::of(prior.as_ref(), &solution.estimate.style);
+    let written = report::write(
+        &ReportInput {
+            sequence: &sequence,
+            solution: &solution,
+            surface: &surface,
+            input: &args.input.display().to_string(),
+            prior: &prior_name,
+            config: &config.to_toml()?,
+            peak_memory_mb: report::peak_memory_mb(),
+        },
+        &args.out,
+    )?;
+    summarise(&solution, &written);
+    Ok(())
+}
+
+/// Flag over file over default.
+fn effective_config(args: &Args) -> anyhow::Result<Config> {
+    let mut config = args.config.as_deref().map(Config::load).transpose()?.unwrap_or_default();
+    fn set<T: Clone>(target: &mut T, flag: &Option<T>) {
+        if let Some(value) = flag {
+            *target = value.clone();
+        }
+    }
+    set(&mut config.prior, &args.prior);
+    set(&mut config.threads, &args.threads);
+    if args.depth.is_some() {
+        config.input.depth.clone_from(&args.depth);
+    }
+    set(&mut config.input.frames, &args.frames);
+    set(&mut config.input.every, &args.every);
+    set(&mut config.init.hypotheses.count, &args.hypotheses);
+    let objective = &mut config.objective;
+    set(&mut objective.photometric_weight, &args.objective.photometric_weight);
+    set(&mut objective.photometric_huber, &args.objective.photometric_huber);
+    set(&mut objective.silhouette_weight, &args.objective.silhouette_weight);
+    set(&mut objective.inverse_depth_weight, &args.objective.inverse_depth_weight);
+    set(&mut objective.inverse_depth_huber, &args.objective.inverse_depth_huber);
+    set(&mut objective.style_weight, &args.objective.style_weight);
+    set(&mut objective.points, &args.objective.points);
+    let solver = &mut config.solver;
+    set(&mut solver.levels, &args.levels);
+    set(&mut solver.max_steps, &args.max_steps);
+    set(&mut solver.iterations_per_call, &args.iterations);
+    set(&mut solver.threshold, &args.threshold);
+    set(&mut solver.tolerance, &args.tolerance);
+    match args.strategy {
+        Some(StrategyArg::Alternating) => solver.strategy = Strategy::Alternating,
+        Some(StrategyArg::Joint) => solver.strategy = Strategy::Joint,
+        None => {}
+    }
+    match args.solver {
+        Some(Method::Lm) if !matches!(solver.minimiser, Minimiser::Lm { .. }) => {
+            solver.minimiser = Minimiser::Lm { initial_trust_region_radius: default_trust_region_radius() };
+        }
+        Some(Method::Lbfgs) if !matches!(solver.minimiser, Minimiser::Lbfgs { .. }) => {
+            solver.minimiser = Minimiser::Lbfgs { rank: default_lbfgs_rank() };
+        }
+        _ => {}
+    }
+    match (&mut solver.minimiser, args.trust_region_radius, args.lbfgs_rank) {
+        (Minimiser::Lm { .. }, _, Some(_)) => {
+            anyhow::bail!("--lbfgs-rank: Levenberg-Marquardt keeps no history; add --solver lbfgs or drop it")
+        }
+        (Minimiser::Lbfgs { .. }, Some(_), _) => {
+            anyhow::bail!("--trust-region-radius: L-BFGS has no trust region; add --solver lm or drop it")
+        }
+        (Minimiser::Lm { initial_trust_region_radius }, Some(radius), None) => {
+            *initial_trust_region_radius = radius;
+        }
+        (Minimiser::Lbfgs { rank }, None, Some(wanted)) => *rank = wanted,
+        _ => {}
+    }
+    Ok(config)
+}
+
+fn summarise(solution: &Solution, written: &report::Written) {
+    let result = &written.result;
+    let how = match solution.termination {
+        Termination::BelowThreshold => "below the threshold",
+        Termination::Converged => "converged",
+        Termination::StepLimit => "stopped at the step limit",
+        Termination::Interrupted => "interrupted; this is the best state so far",
+    };
+    println!(
+        "objective        {:.1} -> {:.1}, {how} after {} iterations, {} evaluations",
+        solution.objective_start.total,
+        solution.objective_end.total,
+        solution.iterations,
+        solution.evaluations.residual + solution.evaluations.jacobian,
+    );
+    println!("silhouette IoU   {:.3}", result.silhouette_iou_mean);
+    println!("density          {:.3}", result.density_mean);
+    let seconds: Vec<String> =
+        solution.seconds.iter().map(|(stage, seconds)| format!("{stage} {seconds:.1} s")).collect();
+    println!("time             {}", seconds.join(", "));
+    let folder = written.folder.display();
+    println!("shape            {folder}/shape.ply");
+    println!("cameras          {folder}/cameras.txt (TUM), {folder}/colmap/ (COLMAP), {folder}/result.json");
+    println!("pictures         {} (first), {folder}/overlay/", written.contact_sheet.display());
 }

@@ -6,7 +6,7 @@ mod progress;
 mod scale;
 mod solution;
 
-pub use options::{Minimiser, SolverOptions, Strategy};
+pub use options::{Minimiser, SolverOptions, Strategy, default_lbfgs_rank, default_trust_region_radius};
 pub use progress::Observer;
 pub use scale::scale_from_motion;
 pub use solution::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
