@@ -1,5 +1,25 @@
 //! Textured CAD models: the mesh type, readers for the formats of freely licensed repositories, and rendering.
 
+mod ac3d;
+mod archive;
+mod contact_sheet;
+mod error;
+mod frame;
+mod lines;
 mod mesh;
+mod obj;
+mod orbit;
+pub mod render;
+mod sgi;
+mod sources;
+mod sweethome;
+mod texture;
+mod torcs;
+mod torcs_wheel;
 
+pub use contact_sheet::contact_sheet;
+pub use error::CadError;
+pub use frame::{Axes, Axis};
 pub use mesh::{Material, Mesh, Texture, Triangle};
+pub use orbit::orbit;
+pub use sources::{NamedModel, SourceKind, SourceSpec, load_source};

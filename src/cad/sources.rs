@@ -1,0 +1,155 @@
+//! Named models out of freely licensed packages, in the canonical frame: what priors are learned from and what is
+//! rendered.
+
+use super::archive::Archive;
+use super::{CadError, Mesh, sweethome, torcs};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// A model in the object frame: +Y up, −Z front, bounding-box diagonal 1, centred at the origin.
+#[derive(Clone, Debug)]
+pub struct NamedModel {
+    /// Once only within its source.
+    pub name: String,
+    /// The package that it comes from.
+    pub source: String,
+    /// SPDX where the package gives it so, else the package's own words.
+    pub licence: String,
+    pub mesh: Mesh,
+}
+
+/// Where models come from; in TOML, `kind = "torcs"`, `path = "…"`, ….
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourceSpec {
+    pub kind: SourceKind,
+    /// What each [`SourceKind`] says.
+    pub path: PathBuf,
+    /// Names to keep, `*` standing for any run of characters; empty = all. Each must match something.
+    #[serde(default)]
+    pub include: Vec<String>,
+    /// Names to leave out, likewise.
+    #[serde(default)]
+    pub exclude: Vec<String>,
+    /// Sweet Home 3D only: the catalogue's category to keep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub category: Option<String>,
+}
+
+/// How a package keeps its models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SourceKind {
+    /// TORCS's data folder, with `cars/` and `wheels/` (Debian: `torcs-data`).
+    Torcs,
+    /// An `.sh3f` library, or a folder of them (Debian: `sweethome3d-furniture`).
+    Sweethome3d,
+}
+
+/// A package opened: its models by name.
+pub(super) trait Library {
+    /// In the order in which they are to be loaded.
+    fn names(&self) -> Vec<String>;
+
+    /// The model in the canonical axes, not yet normalised.
+    fn load(&mut self, name: &str) -> Result<NamedModel, CadError>;
+}
+
+/// Loads the models of a source that `include` and `exclude` leave, normalised, sorted by name within each library.
+///
+/// # Errors
+/// A file that cannot be read, a pattern that matches nothing, an option that the kind does not have.
+pub fn load_source(source: &SourceSpec) -> Result<Vec<NamedModel>, CadError> {
+    source.check()?;
+    let mut libraries = source.open()?;
+    let names: Vec<Vec<String>> = libraries.iter().map(|library| library.names()).collect();
+    for pattern in source.include.iter().chain(&source.exclude) {
+        if !names.iter().flatten().any(|name| matches(pattern, name)) {
+            let known = names
+                .iter()
+                .flatten()
+                .map(String::as_str)
+                .collect::<Vec<_>>()
+                .join(", ");
+            let problem = format!("'{pattern}' matches none of its models: {known}");
+            return Err(CadError::source(&source.path, problem));
+        }
+    }
+    let mut models = Vec::new();
+    for (library, names) in libraries.iter_mut().zip(&names) {
+        for name in names.iter().filter(|name| source.selects(name)) {
+            let mut model = library.load(name)?;
+            if model.mesh.triangles.is_empty() {
+                return Err(CadError::source(
+                    &source.path,
+                    format!("{name} has no triangles; exclude it"),
+                ));
+            }
+            model.mesh.normalise();
+            models.push(model);
+        }
+    }
+    if models.is_empty() {
+        return Err(CadError::source(
+            &source.path,
+            "no models; check path, kind and category",
+        ));
+    }
+    Ok(models)
+}
+
+impl SourceSpec {
+    fn check(&self) -> Result<(), CadError> {
+        let wrong = |problem: &str| Err(CadError::source(&self.path, problem));
+        if self.category.is_some() && self.kind != SourceKind::Sweethome3d {
+            return wrong("category belongs to kind sweethome3d; use include");
+        }
+        Ok(())
+    }
+
+    fn open(&self) -> Result<Vec<Box<dyn Library>>, CadError> {
+        Ok(match self.kind {
+            SourceKind::Torcs => vec![Box::new(torcs::Torcs::open(&self.path)?)],
+            SourceKind::Sweethome3d => libraries_in(&self.path)?
+                .iter()
+                .map(|path| {
+                    let library = sweethome::SweetHome::open(path, self.category.as_deref())?;
+                    Ok(Box::new(library) as Box<dyn Library>)
+                })
+                .collect::<Result<_, CadError>>()?,
+        })
+    }
+
+    fn selects(&self, name: &str) -> bool {
+        let any = |patterns: &[String]| patterns.iter().any(|pattern| matches(pattern, name));
+        (self.include.is_empty() || any(&self.include)) && !any(&self.exclude)
+    }
+}
+
+/// The `.sh3f` files of a folder, sorted; a file stands for itself.
+fn libraries_in(path: &Path) -> Result<Vec<PathBuf>, CadError> {
+    if path.is_file() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let names = Archive::open(path)?.names()?;
+    Ok(names
+        .iter()
+        .filter(|name| name.ends_with(".sh3f"))
+        .map(|name| path.join(name))
+        .collect())
+}
+
+/// Whether `name` fits `pattern`, in which `*` stands for any run of characters.
+fn matches(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        None => pattern == name,
+        Some((head, tail)) => name.strip_prefix(head).is_some_and(|rest| {
+            let ends = rest.char_indices().map(|(i, _)| i).chain([rest.len()]);
+            ends.map(|i| &rest[i..]).any(|rest| matches(tail, rest))
+        }),
+    }
+}
+
+#[cfg(test)]
+#[path = "sources_tests.rs"]
+mod tests;
