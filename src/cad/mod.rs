@@ -10,6 +10,7 @@ mod mesh;
 mod obj;
 mod orbit;
 pub mod render;
+pub mod scene;
 mod sgi;
 mod sources;
 mod sweethome;
