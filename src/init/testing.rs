@@ -1,11 +1,15 @@
 //! A stand-in for a learned car prior: two boxes whose cabin sits towards the rear, so that front (−Z) and rear
 //! differ, sampled by farthest points like the real one.
 
-use crate::geometry::{Pinhole, Pose, Vector3};
-use crate::image::{DepthMap, Mask, RgbImage};
+use crate::geometry::{Pinhole, Pose, Vector2, Vector3};
+use crate::image::{Grid, Mask, RgbImage};
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
-use crate::visibility::visible_points;
+
+const BODY: (Vector3<f64>, Vector3<f64>) =
+    (Vector3::new(-0.18, -0.13, -0.45), Vector3::new(0.18, 0.02, 0.45));
+const CABIN: (Vector3<f64>, Vector3<f64>) =
+    (Vector3::new(-0.15, 0.02, -0.08), Vector3::new(0.15, 0.14, 0.42));
 
 /// S = 1: the style lengthens the nose.
 pub(super) struct BoxCar {
@@ -14,10 +18,8 @@ pub(super) struct BoxCar {
 
 impl BoxCar {
     pub fn new(count: usize) -> Self {
-        let body = (Vector3::new(-0.18, -0.13, -0.45), Vector3::new(0.18, 0.02, 0.45));
-        let cabin = (Vector3::new(-0.15, 0.02, -0.08), Vector3::new(0.15, 0.14, 0.42));
         let mut candidates: Vec<Vector3<f64>> = Vec::new();
-        for (low, high) in [body, cabin] {
+        for (low, high) in [BODY, CABIN] {
             candidates.extend(box_surface(&low, &high, 0.012));
         }
         Self {
@@ -89,20 +91,19 @@ pub(super) const CAMERA: Pinhole = Pinhole {
 };
 pub(super) const SIZE: (usize, usize) = (376, 250);
 
-/// The car as the cameras see it; the off-the-shelf poses are the true ones in a frame scaled by 1 / `alpha`, moved
-/// and turned, with depth in the same units.
+/// The car as the cameras see it, by casting rays at its boxes; the off-the-shelf poses are the true ones in a
+/// frame scaled by 1 / `alpha`, moved and turned, with depth in the same units.
 pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
-    let car = BoxCar::new(6000);
-    let mut points = vec![0.0; 3 * car.point_count()];
-    car.points(&[0.0], &mut points);
     let input_from_object = Pose::from_twist(&nalgebra::Vector6::new(0.3, 1.1, -0.4, 0.5, -2.0, 1.0));
     let frames = camera_from_object.iter().enumerate().map(|(index, pose)| {
-        let seen = visible_points(&points, &CAMERA, pose, SIZE, None);
-        let mut depth = DepthMap::filled(SIZE.0, SIZE.1, 0.0);
-        for point in &seen.points {
-            let pixel = (point.pixel.0 as usize, point.pixel.1 as usize);
-            depth[pixel] = (1.0 / point.inverse_depth / alpha) as f32;
-        }
+        let depth = Grid::from_fn(SIZE.0, SIZE.1, |column, row| {
+            let pixel = Vector2::new(column as f64 + 0.5, row as f64 + 0.5);
+            let ray = pose.rotation.inverse() * CAMERA.unproject(&pixel, 1.0);
+            let hits = [BODY, CABIN]
+                .into_iter()
+                .filter_map(|b| meet(&b, &pose.center(), &ray));
+            hits.reduce(f64::min)
+        });
         let scaled = Pose {
             translation: pose.translation / alpha,
             ..*pose
@@ -110,11 +111,13 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
         Frame {
             name: format!("frame-{index}"),
             image: RgbImage::filled(SIZE.0, SIZE.1, [0.0; 3]),
-            mask: solid(&car.points, pose),
+            mask: Mask::from_fn(SIZE.0, SIZE.1, |c, r| depth[(c, r)].is_some()),
             camera: CAMERA,
             timestamp_s: None,
             camera_from_input: Some(scaled.after(&input_from_object.inverse())),
-            depth: Some(depth),
+            depth: Some(Grid::from_fn(SIZE.0, SIZE.1, |c, r| {
+                depth[(c, r)].map_or(0.0, |z| (z / alpha) as f32)
+            })),
         }
     });
     Sequence {
@@ -124,26 +127,16 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
     }
 }
 
-/// A mask from splats of one sampling interval.
-fn solid(points: &[Vector3<f64>], camera_from_object: &Pose) -> Mask {
-    let mut mask = Mask::filled(SIZE.0, SIZE.1, false);
-    for point in points {
-        let in_camera = camera_from_object.transform(point);
-        let Some(pixel) = CAMERA.project(&in_camera) else {
-            continue;
-        };
-        let reach = 0.008 * CAMERA.fx / in_camera.z;
-        for dy in -2..=2 {
-            for dx in -2..=2 {
-                let at = (
-                    pixel.x + f64::from(dx) / 2.0 * reach,
-                    pixel.y + f64::from(dy) / 2.0 * reach,
-                );
-                if let Some(pixel) = mask.pixel_at(at.0, at.1) {
-                    mask[pixel] = true;
-                }
-            }
-        }
-    }
-    mask
+/// Where along `ray` from `origin` the box begins.
+fn meet(
+    (low, high): &(Vector3<f64>, Vector3<f64>),
+    origin: &Vector3<f64>,
+    ray: &Vector3<f64>,
+) -> Option<f64> {
+    let (a, b) = (
+        (low - origin).component_div(ray),
+        (high - origin).component_div(ray),
+    );
+    let (near, far) = (a.inf(&b).max(), a.sup(&b).min());
+    (near < far && near > 0.0).then_some(near)
 }
