@@ -36,7 +36,8 @@ Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point) const {
     for (const uint32_t index : boundary_) consider(index);
     return best;
   }
-  // The nearest pixel of a cell's centre need not be that of every point in the cell; a neighbouring cell's is.
+  // The nearest pixel of a cell's centre need not be that of every point in the cell; a neighbouring cell's
+  // is.
   for (int r = static_cast<int>(row) - 1; r <= static_cast<int>(row) + 1; ++r) {
     for (int c = static_cast<int>(column) - 1; c <= static_cast<int>(column) + 1; ++c) {
       consider(nearest_[static_cast<size_t>(r) * grid_width_ + c]);

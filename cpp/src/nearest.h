@@ -43,8 +43,8 @@ class PointGrid {
   Eigen::Vector2d low_;
   double cell_size_;
   int columns_, rows_;
-  std::vector<int> first_;    // cell -> its first entry in order_; one more at the end
-  std::vector<int> order_;    // point indices, cell after cell
+  std::vector<int> first_;  // cell -> its first entry in order_; one more at the end
+  std::vector<int> order_;  // point indices, cell after cell
 };
 
 }  // namespace spba

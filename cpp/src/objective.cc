@@ -31,7 +31,8 @@ Objective::Objective(State* state, const Weights& weights)
   problem_.AddParameterBlock(variables.style.data(), state->style_count());
   if (weights.style > 0) {
     const int s = state->style_count();
-    style_block_ = std::make_unique<ceres::NormalPrior>(ceres::Matrix::Identity(s, s), ceres::Vector::Zero(s));
+    style_block_ =
+        std::make_unique<ceres::NormalPrior>(ceres::Matrix::Identity(s, s), ceres::Vector::Zero(s));
     style_loss_ = Scaled(weights.style, nullptr);
     problem_.AddResidualBlock(style_block_.get(), style_loss_.get(), variables.style.data());
   }

@@ -21,7 +21,8 @@ Pinhole ToPinhole(const Camera& camera) {
 
 Prior FromCallback(rust::Box<PriorCallback> callback) {
   const auto shared = std::make_shared<rust::Box<PriorCallback>>(std::move(callback));
-  const auto call = [shared](void (PriorCallback::*method)(rust::Slice<const double>, rust::Slice<double>) const,
+  const auto call = [shared](void (PriorCallback::*method)(rust::Slice<const double>, rust::Slice<double>)
+                                 const,
                              const std::vector<double>& style, std::vector<double>* values) {
     (**shared.*method)({style.data(), style.size()}, {values->data(), values->size()});
   };
@@ -32,7 +33,7 @@ Prior FromCallback(rust::Box<PriorCallback> callback) {
 }  // namespace
 
 Problem::Problem(const ProblemOptions& options, Prior prior)
-    : weights_{options.photometric_weight,    options.photometric_huber,     options.silhouette_weight,
+    : weights_{options.photometric_weight,   options.photometric_huber,   options.silhouette_weight,
                options.inverse_depth_weight, options.inverse_depth_huber, options.style_weight},
       state_(std::move(prior), static_cast<int>(options.points), static_cast<int>(options.style)),
       photometric_(options.frames),
@@ -160,7 +161,8 @@ void Problem::Prepare(bool with_jacobian) {
       }
       objective_->AddInverseDepth(frame, inverse_depth_[l].points, inverse_depth_[l].inverse_depth, alpha_);
       if (photometric_[l].points.empty()) continue;
-      Require(photometric_[0].image && photometric_[l].image, "photometric points in a frame without an image");
+      Require(photometric_[0].image && photometric_[l].image,
+              "photometric points in a frame without an image");
       photometric_[l].error = {photometric_[0].camera, photometric_[l].camera, photometric_[0].image.get(),
                                photometric_[l].image.get()};
       objective_->AddPhotometric(frame, photometric_[l].points, photometric_[l].directions,

@@ -30,7 +30,8 @@ class Problem {
   void set_image(size_t frame, uint32_t width, uint32_t height, rust::Slice<const float> rgb,
                  const Camera& camera);
   void set_silhouette(size_t frame, const Silhouette& silhouette);
-  void set_photometric(size_t frame, rust::Slice<const uint32_t> points, rust::Slice<const uint8_t> directions);
+  void set_photometric(size_t frame, rust::Slice<const uint32_t> points,
+                       rust::Slice<const uint8_t> directions);
   void set_inverse_depth(size_t frame, rust::Slice<const uint32_t> points,
                          rust::Slice<const double> inverse_depth);
   void set_alpha(double alpha);

@@ -43,11 +43,11 @@ struct FrameInput {
 };
 
 struct FrameState {
-  Matrix3 rotation;      // camera_from_object
-  Vector3 translation;   // camera_from_object
-  Matrix3 d_target[3];   // d rotation / d omega_0
-  Matrix3 d_motion[3];   // d rotation / d delta omega_l
-  bool in_front = false; // all points are; otherwise nothing below `points` holds
+  Matrix3 rotation;                    // camera_from_object
+  Vector3 translation;                 // camera_from_object
+  Matrix3 d_target[3];                 // d rotation / d omega_0
+  Matrix3 d_motion[3];                 // d rotation / d delta omega_l
+  bool in_front = false;               // all points are; otherwise nothing below `points` holds
   std::vector<Vector3> points;         // in this camera
   std::vector<Vector2> pixels;         // of the points
   std::vector<Vector2> nearest_pixel;  // per point (the first silhouette_points): its silhouette pixel

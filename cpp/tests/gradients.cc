@@ -23,8 +23,8 @@ std::vector<float> SmoothImage(double phase) {
   for (int row = 0; row < kHeight; ++row) {
     for (int column = 0; column < kWidth; ++column) {
       for (int channel = 0; channel < 3; ++channel) {
-        rgb.push_back(static_cast<float>(
-            128 + 100 * std::sin(0.21 * column + 0.17 * row * (channel + 1) + phase)));
+        rgb.push_back(
+            static_cast<float>(128 + 100 * std::sin(0.21 * column + 0.17 * row * (channel + 1) + phase)));
       }
     }
   }

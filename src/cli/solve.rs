@@ -121,9 +121,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
     let began = Instant::now();
     let sequence = sequence::load(&args.input, &config.input.load_options()?)?;
-    let prior = prior::find(&config.prior)?;
-    let prior_name = prior.describe();
-    let prior: Arc<dyn ShapePrior> = Arc::new(prior);
+    let (linear, prior_info) = prior::open(&config.prior)?;
+    let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
     let mean_style = vec![0.0; prior.style_len()];
@@ -138,14 +137,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
     solution.seconds.insert(1, ("initialise".to_owned(), initialising_seconds));
 
-    let surface = Surface::of(prior.as_ref(), &solution.estimate.style);
+    let surface = Surface::from_points(linear.shape(&solution.estimate.style));
     let written = report::write(
         &ReportInput {
             sequence: &sequence,
             solution: &solution,
             surface: &surface,
             input: &args.input.display().to_string(),
-            prior: &prior_name,
+            prior: &format!("{} {} (schema {})", prior_info.category, prior_info.kind, prior_info.schema),
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
         },
