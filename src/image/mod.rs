@@ -1,5 +1,14 @@
-//! Rasters: colour images, masks and depth maps, their pyramids and measures.
+//! Rasters: colour images, masks and depth maps, their files, pyramids and measures.
 
+mod depth;
+mod error;
+mod files;
 mod grid;
+mod mask;
 
+pub use depth::{read_depth, write_depth};
+pub use error::ImageError;
+pub use files::{read_mask, read_rgb, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
+
+pub(crate) use files::one_line;

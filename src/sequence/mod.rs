@@ -1,7 +1,25 @@
 //! The input: frames of one object with masks, intrinsics and what off-the-shelf tools made of them.
+//!
+//! [`load`] reads every kind of input, [`examine`] also says what is in it and all that is wrong, [`write()`] makes
+//! the folder described in [`folder`].
+
+mod assemble;
+mod distortion;
+mod draft;
+mod error;
+mod examine;
+pub mod folder;
+mod options;
+mod validate;
+
+pub use error::SequenceError;
+pub use examine::{Examination, FrameExamination, MaskSummary, examine};
+pub use folder::write;
+pub use options::{FrameWindow, LoadOptions, WindowError};
 
 use crate::geometry::{Pinhole, Pose};
 use crate::image::{DepthMap, Mask, RgbImage};
+use std::path::Path;
 
 /// Frames in order; frame 0 is the target frame of Eq. 4.
 #[derive(Clone, Debug)]
@@ -36,4 +54,18 @@ pub struct Truth {
     pub depth: Vec<DepthMap>,
     /// Points on the outside of the canonical shape, object frame.
     pub shape: Vec<[f32; 3]>,
+}
+
+/// Reads a sequence folder, a COLMAP workspace (optionally with openMVS depth) or an openMVS project. The first
+/// fault found is the error; what is merely worth knowing goes to the log.
+pub fn load(input: &Path, options: &LoadOptions) -> Result<Sequence, SequenceError> {
+    let examination = examine(input, options)?;
+    for note in &examination.notes {
+        tracing::info!("{}: {note}", input.display());
+    }
+    match (examination.sequence, examination.problems.into_iter().next()) {
+        (Some(sequence), None) => Ok(sequence),
+        (_, Some(problem)) => Err(problem),
+        (None, None) => Err(SequenceError::NotRecognised(input.to_owned())),
+    }
 }

@@ -1,0 +1,117 @@
+//! Depth maps as OpenEXR files: one f32 channel named `Z`.
+
+use super::files::one_line;
+use super::{DepthMap, Grid, ImageError};
+use exr::prelude::*;
+use std::io::Cursor;
+use std::path::Path as FilePath;
+
+/// No lossless EXR compression packs more pixels into a byte; a header that claims more is broken.
+const MOST_PIXELS_PER_BYTE: usize = 1024;
+
+/// Reads the channel `Z` of an EXR file; values are returned as they stand.
+pub fn read_depth(file: &FilePath) -> std::result::Result<DepthMap, ImageError> {
+    let bytes = std::fs::read(file).map_err(|source| ImageError::read(file, source))?;
+    decode(&bytes).map_err(|error| ImageError::Depth {
+        file: file.to_owned(),
+        reason: one_line(&error.to_string()),
+    })
+}
+
+/// Writes a depth map as a losslessly compressed EXR with the single f32 channel `Z`.
+pub fn write_depth(depth: &DepthMap, file: &FilePath) -> std::result::Result<(), ImageError> {
+    let channel = AnyChannel::new("Z", FlatSamples::F32(depth.data().to_vec()));
+    let layer = Layer::new(
+        depth.size(),
+        LayerAttributes::default(),
+        Encoding {
+            compression: Compression::ZIP16,
+            ..Encoding::FAST_LOSSLESS
+        },
+        AnyChannels::sort(SmallVec::from_iter([channel])),
+    );
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_file(file)
+        .map_err(|error| ImageError::Write {
+            file: file.to_owned(),
+            reason: one_line(&error.to_string()),
+        })
+}
+
+fn decode(bytes: &[u8]) -> exr::error::Result<DepthMap> {
+    let chunks = exr::block::read(Cursor::new(bytes), false)?;
+    for header in chunks.headers() {
+        let Vec2(width, height) = header.layer_size;
+        if width.saturating_mul(height) > bytes.len().saturating_mul(MOST_PIXELS_PER_BYTE) {
+            let claim = format!(
+                "its header says {width} × {height} pixels, but the file holds {} bytes",
+                bytes.len()
+            );
+            return Err(Error::Invalid(claim.into()));
+        }
+    }
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .specific_channels()
+        .required("Z")
+        .collect_pixels(
+            |size, _| Grid::filled(size.width(), size.height(), 0f32),
+            |grid: &mut DepthMap, at, (z,): (f32,)| grid[(at.x(), at.y())] = z,
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_chunks(chunks)?;
+    Ok(image.layer_data.channel_data.pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sample() -> (tempfile::TempDir, DepthMap, Vec<u8>) {
+        let folder = tempfile::tempdir().unwrap();
+        let depth = Grid::from_fn(7, 5, |c, r| c as f32 * 0.3 + r as f32 * 1e-7);
+        let file = folder.path().join("depth.exr");
+        write_depth(&depth, &file).unwrap();
+        let bytes = std::fs::read(&file).unwrap();
+        (folder, depth, bytes)
+    }
+
+    #[test]
+    fn depth_survives_the_disk_bit_for_bit() {
+        let (folder, depth, _) = sample();
+        assert_eq!(read_depth(&folder.path().join("depth.exr")).unwrap(), depth);
+    }
+
+    #[test]
+    fn the_same_depth_gives_the_same_bytes() {
+        assert_eq!(sample().2, sample().2);
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let (_folder, _, bytes) = sample();
+        for length in 0..bytes.len() {
+            assert!(decode(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_bytes_never_panic(at in any::<prop::sample::Index>(), value: u8, tail in any::<u32>()) {
+            let (_folder, _, mut bytes) = sample();
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+            let _ = decode(&bytes);
+            for (byte, new) in bytes[at..].iter_mut().zip(tail.to_le_bytes()) {
+                *byte = new;
+            }
+            let _ = decode(&bytes);
+        }
+    }
+}

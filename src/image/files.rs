@@ -1,0 +1,124 @@
+//! Colour images and masks as PNG or JPEG files.
+
+use super::{Grid, ImageError, Mask, RgbImage};
+use std::path::Path;
+
+/// Reads a PNG or JPEG (told by content, not by name) as RGB in \[0, 255\].
+pub fn read_rgb(file: &Path) -> Result<RgbImage, ImageError> {
+    let pixels = decode(file)?.into_rgb8();
+    Ok(Grid::from_fn(
+        pixels.width() as usize,
+        pixels.height() as usize,
+        |column, row| pixels.get_pixel(column as u32, row as u32).0.map(f32::from),
+    ))
+}
+
+/// Reads a mask: true where the image's brightness exceeds 127.
+pub fn read_mask(file: &Path) -> Result<Mask, ImageError> {
+    let pixels = decode(file)?.into_luma8();
+    Ok(Grid::from_fn(
+        pixels.width() as usize,
+        pixels.height() as usize,
+        |column, row| pixels.get_pixel(column as u32, row as u32).0[0] > 127,
+    ))
+}
+
+/// Writes a colour image as 8-bit PNG, values rounded and clamped to \[0, 255\].
+pub fn write_rgb(image: &RgbImage, file: &Path) -> Result<(), ImageError> {
+    let bytes = image
+        .data()
+        .iter()
+        .flatten()
+        .map(|value| value.round().clamp(0.0, 255.0) as u8)
+        .collect();
+    write_png(file, image.size(), bytes, image::ExtendedColorType::Rgb8)
+}
+
+/// Writes a mask as 8-bit grey PNG: 255 on the object, 0 elsewhere.
+pub fn write_mask(mask: &Mask, file: &Path) -> Result<(), ImageError> {
+    let bytes = mask
+        .data()
+        .iter()
+        .map(|&inside| if inside { 255 } else { 0 })
+        .collect();
+    write_png(file, mask.size(), bytes, image::ExtendedColorType::L8)
+}
+
+fn decode(file: &Path) -> Result<image::DynamicImage, ImageError> {
+    let bytes = std::fs::read(file).map_err(|source| ImageError::read(file, source))?;
+    let reader = image::ImageReader::new(std::io::Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|source| ImageError::read(file, source))?;
+    reader.decode().map_err(|error| ImageError::Decode {
+        file: file.to_owned(),
+        reason: one_line(&error.to_string()),
+    })
+}
+
+fn write_png(
+    file: &Path,
+    (width, height): (usize, usize),
+    bytes: Vec<u8>,
+    colour: image::ExtendedColorType,
+) -> Result<(), ImageError> {
+    image::save_buffer_with_format(
+        file,
+        &bytes,
+        width as u32,
+        height as u32,
+        colour,
+        image::ImageFormat::Png,
+    )
+    .map_err(|error| ImageError::Write {
+        file: file.to_owned(),
+        reason: one_line(&error.to_string()),
+    })
+}
+
+/// Messages of other libraries may span lines; ours never do.
+pub(crate) fn one_line(message: &str) -> String {
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colour_and_masks_survive_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let image = Grid::from_fn(5, 3, |c, r| [c as f32 * 50.0, r as f32 * 100.0, 255.0]);
+        let mask = Grid::from_fn(5, 3, |c, r| (c + r) % 2 == 0);
+        write_rgb(&image, &folder.path().join("image.png")).unwrap();
+        write_mask(&mask, &folder.path().join("mask.png")).unwrap();
+        assert_eq!(read_rgb(&folder.path().join("image.png")).unwrap(), image);
+        assert_eq!(read_mask(&folder.path().join("mask.png")).unwrap(), mask);
+    }
+
+    #[test]
+    fn a_mask_is_true_above_127() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mask.png");
+        write_png(
+            &file,
+            (4, 1),
+            vec![0, 127, 128, 255],
+            image::ExtendedColorType::L8,
+        )
+        .unwrap();
+        assert_eq!(read_mask(&file).unwrap().data(), [false, false, true, true]);
+    }
+
+    #[test]
+    fn a_text_file_does_not_decode() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("image.png");
+        std::fs::write(&file, "not an image").unwrap();
+        let message = read_rgb(&file).unwrap_err().to_string();
+        assert!(message.contains("image.png: image does not decode"), "{message}");
+        assert!(matches!(
+            read_rgb(&folder.path().join("none.png")),
+            Err(ImageError::Missing(_))
+        ));
+    }
+}
