@@ -52,7 +52,7 @@ impl ColmapModel {
         let mut observations = Vec::new();
         for &point in &view.visible {
             let i = point as usize;
-            if let Some(pixel) = camera.project(&camera_from_object.transform(&surface.points[i])) {
+            if let Some(pixel) = camera.project(&camera_from_object.transform(&surface.points()[i])) {
                 self.tracks[i].push((self.image_count, observations.len()));
                 observations.push(format!("{:.3} {:.3} {}", pixel.x, pixel.y, i + 1));
             }
@@ -79,7 +79,8 @@ impl ColmapModel {
             );
         }
         let mut points = "# POINT3D_ID X Y Z R G B ERROR TRACK[] as (IMAGE_ID, POINT2D_IDX)\n".to_owned();
-        for (i, ((p, [r, g, b]), track)) in surface.points.iter().zip(colours).zip(&self.tracks).enumerate() {
+        for (i, ((p, [r, g, b]), track)) in surface.points().iter().zip(colours).zip(&self.tracks).enumerate()
+        {
             let _ = write!(points, "{} {} {} {} {r} {g} {b} 0", i + 1, p.x, p.y, p.z);
             for (image, index) in track {
                 let _ = write!(points, " {image} {index}");

@@ -5,8 +5,8 @@ use crate::geometry::{Pose, Vector3};
 use crate::image::RgbImage;
 use crate::sequence::Frame;
 
-/// A twin counts if it lies within this many footprint radii of the mirrored point.
-const TWIN_RADII: f64 = 2.0;
+/// A twin counts if it lies within this many sample spacings of the mirrored point.
+const TWIN_SPACINGS: f64 = 3.0;
 
 /// Weighted sums of what the frames show at each point.
 pub(super) struct ColourGatherer {
@@ -35,7 +35,7 @@ impl ColourGatherer {
     pub(super) fn add(&mut self, frame: &Frame, camera_from_object: &Pose, surface: &Surface, view: &View) {
         for &point in &view.visible {
             let i = point as usize;
-            let in_camera = camera_from_object.transform(&surface.points[i]);
+            let in_camera = camera_from_object.transform(&surface.points()[i]);
             let Some(pixel) = frame.camera.project(&in_camera) else {
                 continue;
             };
@@ -46,7 +46,7 @@ impl ColourGatherer {
             if !on_object {
                 continue;
             }
-            let normal = camera_from_object.rotation * surface.normals[i];
+            let normal = camera_from_object.rotation * surface.normals()[i];
             let weight = (normal.dot(&in_camera) / in_camera.norm()).powi(2);
             let colour = bilinear(&frame.image, pixel.x, pixel.y);
             let (sum, total) = &mut self.sums[i];
@@ -69,18 +69,17 @@ impl ColourGatherer {
             std::array::from_fn(|c| mean[c] + colour[c] / seen as f64)
         });
         let mean = if seen == 0 { [128.0; 3] } else { mean };
-        let tree = Neighbours::new(&surface.points);
+        let tree = Neighbours::new(surface.points());
         let mut mirrored = 0;
         let rgb = own
             .iter()
-            .zip(&surface.points)
-            .zip(&surface.radii)
-            .map(|((colour, point), radius)| {
+            .zip(surface.points())
+            .map(|(colour, point)| {
                 let twin = || {
                     let (i, distance) = *tree
                         .nearest(&Vector3::new(-point.x, point.y, point.z), 1)
                         .first()?;
-                    let colour = own[i].filter(|_| distance <= TWIN_RADII * radius)?;
+                    let colour = own[i].filter(|_| distance <= TWIN_SPACINGS * surface.spacing())?;
                     mirrored += 1;
                     Some(colour)
                 };
@@ -142,7 +141,7 @@ mod tests {
         let frame = Frame {
             name: "a".into(),
             image,
-            // The right edge of the object is masked away.
+            // The object's right edge is masked away.
             mask: Grid::from_fn(40, 40, |column, _| column < 26),
             camera: Pinhole {
                 fx: 40.0,
@@ -154,23 +153,30 @@ mod tests {
             camera_from_input: None,
             depth: None,
         };
-        let surface = Surface {
-            // Seen left, its masked twin, seen near the middle, a hidden one behind the first, without a twin.
-            points: vec![
-                Vector3::new(-0.4, 0.0, 0.0),
-                Vector3::new(0.4, 0.0, 0.0),
-                Vector3::new(0.1, 0.0, 0.0),
-                Vector3::new(-0.4, 0.0, 0.5),
-            ],
-            normals: vec![-Vector3::z(); 4],
-            radii: vec![0.1; 4],
+        // A plate that faces the camera, and another that hides behind it.
+        let plate = |z: f64| {
+            (0..23 * 11).map(move |i| {
+                let (column, row) = (i % 23, i / 23);
+                Vector3::new(
+                    0.04 * (f64::from(column) - 11.0),
+                    0.03 * (f64::from(row) - 5.0),
+                    z,
+                )
+            })
         };
+        let surface = Surface::from_points(plate(0.0).chain(plate(0.5)).collect());
         let view = surface.render(&frame.camera, &camera_from_object, frame.image.size());
-        let mut gatherer = ColourGatherer::new(4);
+        let mut gatherer = ColourGatherer::new(surface.points().len());
         gatherer.add(&frame, &camera_from_object, &surface, &view);
         let colours = gatherer.finish(&surface);
-        assert_eq!((colours.seen, colours.mirrored), (2, 1));
-        assert_eq!(colours.rgb[..3], [[200, 0, 0], [200, 0, 0], [0, 0, 100]]);
-        assert_eq!(colours.rgb[3], [100, 0, 50]);
+        // 19 of 23 columns project left of pixel 26: u = 20 + 20 x, x up to 0.28.
+        assert_eq!((colours.seen, colours.mirrored), (19 * 11, 4 * 11));
+        // Far left, its masked twin, right of the middle; then the hidden plate.
+        let middle_row = 5 * 23;
+        assert_eq!(colours.rgb[middle_row], [200, 0, 0]);
+        assert_eq!(colours.rgb[middle_row + 22], [200, 0, 0]);
+        assert_eq!(colours.rgb[middle_row + 14], [0, 0, 100]);
+        let hidden = colours.rgb[23 * 11 + middle_row];
+        assert!(hidden[0] > 100 && hidden[2] > 20, "{hidden:?} is not the mean");
     }
 }

@@ -134,7 +134,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
             camera_from_object: poses.clone(),
             depth: views.iter().map(|view| view.depth.clone()).collect(),
             shape: surface
-                .points
+                .points()
                 .iter()
                 .map(|p| p.map(|c| c as f32).into())
                 .collect(),
@@ -195,7 +195,10 @@ fn shade(surface: &Surface, view: &super::View, at: (usize, usize)) -> [f32; 3] 
     let Some(point) = view.index[at] else {
         return [90.0 + at.1 as f32 / 4.0; 3];
     };
-    let (point, normal) = (surface.points[point as usize], surface.normals[point as usize]);
+    let (point, normal) = (
+        surface.points()[point as usize],
+        surface.normals()[point as usize],
+    );
     let light = (0.6 + 0.4 * normal.dot(&Vector3::new(0.3, 0.8, -0.5))) as f32;
     let paint = if point.y > 0.03 {
         [60.0, 80.0, 110.0]

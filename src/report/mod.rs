@@ -7,6 +7,7 @@ mod colmap;
 mod colormap;
 mod colour;
 mod depth;
+mod facets;
 mod folder;
 mod memory;
 mod nearest;

@@ -1,6 +1,6 @@
 //! The shape as a binary little-endian PLY that every viewer opens: `float x y z nx ny nz`, `uchar red green blue`.
 
-use super::{ReportError, Surface};
+use super::ReportError;
 use crate::geometry::Vector3;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{
@@ -14,7 +14,8 @@ use std::path::Path;
 /// Writes points, normals and colours, with `comments` in the header (one line each).
 pub(super) fn write_shape(
     path: &Path,
-    surface: &Surface,
+    points: &[Vector3<f64>],
+    normals: &[Vector3<f64>],
     colours: &[[u8; 3]],
     comments: &[String],
 ) -> Result<(), ReportError> {
@@ -32,10 +33,9 @@ pub(super) fn write_shape(
     ply.header.encoding = Encoding::BinaryLittleEndian;
     ply.header.comments = comments.to_vec();
     ply.header.elements.add(vertex);
-    let vertices = surface
-        .points
+    let vertices = points
         .iter()
-        .zip(&surface.normals)
+        .zip(normals)
         .zip(colours)
         .map(|((point, normal), &colour)| Vertex {
             position: point.map(|c| c as f32).into(),
@@ -130,18 +130,9 @@ mod tests {
     fn the_file_is_packed_little_endian_and_reads_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("shape.ply");
-        let surface = Surface {
-            points: vec![Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.0, 4.0, 8.0)],
-            normals: vec![Vector3::x(), Vector3::y()],
-            radii: vec![0.1; 2],
-        };
-        write_shape(
-            &path,
-            &surface,
-            &[[255, 1, 2], [3, 4, 5]],
-            &["frame: object".to_owned()],
-        )
-        .unwrap();
+        let points = [Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.0, 4.0, 8.0)];
+        let (normals, colours) = ([Vector3::x(), Vector3::y()], [[255, 1, 2], [3, 4, 5]]);
+        write_shape(&path, &points, &normals, &colours, &["frame: object".to_owned()]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         let header = std::str::from_utf8(&bytes[..end]).unwrap();
@@ -153,7 +144,7 @@ mod tests {
         assert_eq!(bytes.len() - end, 2 * 27);
         assert_eq!(bytes[end..end + 4], 1f32.to_le_bytes());
         assert_eq!(bytes[end + 24..end + 27], [255, 1, 2]);
-        assert_eq!(read_shape(&path).unwrap(), surface.points);
+        assert_eq!(read_shape(&path).unwrap(), points);
     }
 
     #[test]

@@ -48,8 +48,8 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let (depth_folder, overlay_folder) = (staging.folder("depth")?, staging.folder("overlay")?);
 
     let stems = file_stems(sequence.frames.iter().map(|frame| frame.name.as_str()));
-    let mut gatherer = ColourGatherer::new(input.surface.points.len());
-    let mut colmap = ColmapModel::new(input.surface.points.len());
+    let mut gatherer = ColourGatherer::new(input.surface.points().len());
+    let mut colmap = ColmapModel::new(input.surface.points().len());
     let mut sheet = Sheet::new(poses.len());
     let mut frames = Vec::new();
     for (i, ((frame, pose), stem)) in sequence.frames.iter().zip(&poses).zip(&stems).enumerate() {
@@ -96,12 +96,11 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
             poses: estimate.frame_count(),
         });
     }
-    if input.surface.points.is_empty() {
+    if input.surface.points().is_empty() {
         return Err(ReportError::EmptyShape);
     }
-    let shape = input.surface.points.iter().chain(&input.surface.normals);
-    let values = shape.flatten().chain(&input.surface.radii);
-    if !values.into_iter().all(|&value| (value as f32).is_finite()) {
+    let shape = input.surface.points().iter().chain(input.surface.normals());
+    if !shape.flatten().all(|&value| (value as f32).is_finite()) {
         return Err(ReportError::NotFinite {
             field: "the shape".to_owned(),
         });
@@ -158,41 +157,39 @@ fn write_shapes(
         "colour: {} points seen in the frames, {} unseen ones like their mirror twin (x to -x), {} the mean colour",
         colours.seen,
         colours.mirrored,
-        surface.points.len() - colours.seen - colours.mirrored,
+        surface.points().len() - colours.seen - colours.mirrored,
     );
     let frame = "frame: object, +Y up, -Z front, bounding-box diagonal 1";
+    let comments = [frame.to_owned(), origin.clone()];
+    let path = folder.join("shape.ply");
     ply::write_shape(
-        &folder.join("shape.ply"),
-        surface,
+        &path,
+        surface.points(),
+        surface.normals(),
         &colours.rgb,
-        &[frame.to_owned(), origin.clone()],
+        &comments,
     )?;
     let Some(object_from_input) = object_from_input else {
         return Ok(());
     };
     let input_from_object = object_from_input.inverse();
-    let in_input = Surface {
-        points: surface
-            .points
-            .iter()
-            .map(|point| input_from_object.transform(point))
-            .collect(),
-        normals: surface
-            .normals
-            .iter()
-            .map(|normal| input_from_object.rotation * normal)
-            .collect(),
-        radii: surface
-            .radii
-            .iter()
-            .map(|radius| input_from_object.scale * radius)
-            .collect(),
-    };
+    let points: Vec<_> = surface
+        .points()
+        .iter()
+        .map(|point| input_from_object.transform(point))
+        .collect();
+    let normals: Vec<_> = surface
+        .normals()
+        .iter()
+        .map(|normal| input_from_object.rotation * normal)
+        .collect();
+    let comments = ["frame: that of the input's poses, its units".to_owned(), origin];
     ply::write_shape(
         &folder.join("shape_input.ply"),
-        &in_input,
+        &points,
+        &normals,
         &colours.rgb,
-        &["frame: that of the input's poses, its units".to_owned(), origin],
+        &comments,
     )
 }
 
@@ -241,4 +238,197 @@ fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {
     picture
         .save_with_format(path, image::ImageFormat::Png)
         .map_err(|error| ReportError::format(path, error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fixture::{box_car, solved};
+    use crate::report::{read_depth, read_shape};
+
+    fn input<'a>(sequence: &'a Sequence, solution: &'a Solution, surface: &'a Surface) -> ReportInput<'a> {
+        ReportInput {
+            sequence,
+            solution,
+            surface,
+            input: "data/box",
+            prior: "box 1",
+            config: "[solver]\n",
+            peak_memory_mb: Some(12.5),
+        }
+    }
+
+    fn listing(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn the_folder_is_complete_and_reads_back() {
+        let surface = Surface::from_points(box_car(3000));
+        let (sequence, solution) = solved(&surface, 3);
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        let written = write(&input(&sequence, &solution, &surface), &out).unwrap();
+        let expected = [
+            "cameras.txt",
+            "colmap",
+            "config.toml",
+            "depth",
+            "overlay",
+            "overlay.png",
+            "result.json",
+            "shape.ply",
+            "shape_input.ply",
+            "trace.csv",
+        ];
+        assert_eq!(listing(&out), expected);
+        assert_eq!(
+            listing(&out.join("depth")),
+            ["frame_000.exr", "frame_001.exr", "frame_002.exr"]
+        );
+        assert_eq!(listing(home.path()), ["out"], "nothing beside the result");
+        let read = RunResult::load(&out).unwrap();
+        for (l, frame) in read.frames.iter().enumerate() {
+            let (pose, truth) = (
+                frame.camera_from_object().unwrap(),
+                solution.estimate.camera_from_object(l),
+            );
+            assert!((pose.to_twist() - truth.to_twist()).norm() < 1e-12);
+        }
+        assert_eq!(
+            (read.alpha, read.hypotheses),
+            (Some(0.4), written.result.hypotheses)
+        );
+        // The sequence was rendered from the very shape and poses that the solution has.
+        assert_eq!(
+            (written.result.silhouette_iou_mean, written.result.density_mean),
+            (1.0, 1.0)
+        );
+        assert_eq!(written.result.seconds["solve"], 2.0);
+        let truth = sequence.truth.as_ref().unwrap();
+        assert_eq!(
+            read_depth(&out.join("depth/frame_001.exr")).unwrap(),
+            truth.depth[1]
+        );
+        let shape = read_shape(&out.join("shape.ply")).unwrap();
+        assert_eq!(shape.len(), 3000);
+        // Both frames are offered, and object_from_input joins them.
+        let join = object_from_input(&sequence, &solution.estimate).unwrap();
+        for (object, input) in shape
+            .iter()
+            .zip(read_shape(&out.join("shape_input.ply")).unwrap())
+        {
+            assert!((join.transform(&input) - object).norm() < 1e-6);
+        }
+        let error = write(&input(&sequence, &solution, &surface), &out).unwrap_err();
+        assert!(error.to_string().contains("exists already"), "{error}");
+    }
+
+    #[test]
+    fn result_json_has_exactly_the_documented_keys() {
+        let surface = Surface::from_points(box_car(800));
+        let (sequence, solution) = solved(&surface, 2);
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        write(&input(&sequence, &solution, &surface), &out).unwrap();
+        let json: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(out.join("result.json")).unwrap()).unwrap();
+        let keys = |value: &serde_json::Value| -> Vec<String> {
+            let mut keys: Vec<_> = value.as_object().unwrap().keys().cloned().collect();
+            keys.sort();
+            keys
+        };
+        let top = "alpha density_mean evaluations frames hypotheses input iterations object_from_input objective \
+                   peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
+        assert_eq!(keys(&json).join(" "), top);
+        let frame = "center density name rotation silhouette_iou translation";
+        assert_eq!(keys(&json["frames"][0]).join(" "), frame);
+        assert_eq!(
+            keys(&json["object_from_input"]).join(" "),
+            "rotation scale translation"
+        );
+        assert_eq!(keys(&json["objective"]).join(" "), "end start");
+        let terms = "inverse_depth photometric silhouette style total";
+        assert_eq!(keys(&json["objective"]["end"]).join(" "), terms);
+        assert_eq!(keys(&json["evaluations"]).join(" "), "jacobian residual");
+        assert_eq!(json["termination"], "converged");
+    }
+
+    #[test]
+    fn object_from_input_obeys_eq_10() {
+        let surface = Surface::from_points(box_car(300));
+        let (sequence, solution) = solved(&surface, 3);
+        let join = object_from_input(&sequence, &solution.estimate).unwrap();
+        assert!((join.scale - 0.4).abs() < 1e-12);
+        for (l, frame) in sequence.frames.iter().enumerate() {
+            let x_input = crate::geometry::Vector3::new(0.3, -0.7, 1.1);
+            let direct = solution
+                .estimate
+                .camera_from_object(l)
+                .transform(&join.transform(&x_input));
+            let through_input =
+                solution.estimate.alpha * frame.camera_from_input.unwrap().transform(&x_input);
+            assert!((direct - through_input).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_leaves_nothing_behind() {
+        let surface = Surface::from_points(box_car(300));
+        let (mut sequence, solution) = solved(&surface, 2);
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        let refused = |sequence: &Sequence, change: fn(&mut Solution), field: &str| {
+            let mut changed = solution.clone();
+            change(&mut changed);
+            let error = write(&input(sequence, &changed, &surface), &out)
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(field), "{error}");
+            assert!(listing(home.path()).is_empty());
+        };
+        refused(&sequence, |s| s.estimate.style[0] = f64::NAN, "style");
+        refused(&sequence, |s| s.estimate.alpha = 0.0, "alpha");
+        refused(
+            &sequence,
+            |s| s.estimate.target_from_object.translation.x = f64::INFINITY,
+            "frame_000",
+        );
+        refused(
+            &sequence,
+            |s| s.hypotheses[0].objective_end = f64::NAN,
+            "hypotheses[0]",
+        );
+        sequence.frames.pop();
+        refused(&sequence, |_| (), "2 camera poses for 1 frames");
+    }
+
+    #[test]
+    fn two_writes_are_equal_byte_for_byte() {
+        let surface = Surface::from_points(box_car(1000));
+        let (sequence, solution) = solved(&surface, 2);
+        let home = tempfile::tempdir().unwrap();
+        let [a, b] = ["a", "b"].map(|name| home.path().join(name));
+        for out in [&a, &b] {
+            write(&input(&sequence, &solution, &surface), out).unwrap();
+        }
+        for file in [
+            "shape.ply",
+            "result.json",
+            "depth/frame_001.exr",
+            "overlay.png",
+            "colmap/points3D.txt",
+        ] {
+            assert_eq!(
+                std::fs::read(a.join(file)).unwrap(),
+                std::fs::read(b.join(file)).unwrap(),
+                "{file}"
+            );
+        }
+    }
 }
