@@ -10,16 +10,20 @@ pub(super) fn paint(scene: &Scene) -> RgbImage {
     let key = hash(hash(scene.seed) ^ stream::BACKGROUND);
     Grid::from_fn(scene.camera.width_px, scene.camera.height_px, |column, row| {
         std::array::from_fn(|channel| {
-            let sum: f64 = (0..3)
+            let sum: f64 = (0u32..3)
                 .map(|octave| {
                     let finer = f64::from(1u32 << (2 * octave)) / background.size_px;
                     // Grey for the most part: all channels share the finer octaves.
-                    let layer = if octave == 0 { channel as u64 } else { 8 + octave };
+                    let layer = if octave == 0 {
+                        channel as u64
+                    } else {
+                        8 + u64::from(octave)
+                    };
                     let value = blotches(key ^ hash(layer), column as f64 * finer, row as f64 * finer);
-                    (2.0 * value - 1.0) / f64::from(1u32 << octave)
+                    (2.0 * value - 1.0) * 0.7f64.powf(f64::from(octave))
                 })
                 .sum();
-            (background.colour[channel] + background.contrast * sum / 1.75).clamp(0.0, 255.0) as f32
+            (background.colour[channel] + background.contrast * sum / 2.19).clamp(0.0, 255.0) as f32
         })
     })
 }

@@ -143,7 +143,7 @@ impl Default for SimulatedInput {
             scale: 2.7,
             rotation_deg: [20.0, -70.0, 35.0],
             translation: [0.8, -1.7, 2.3],
-            rotation_noise_deg: 0.5,
+            rotation_noise_deg: 0.4,
             translation_noise: 0.003,
         }
     }
@@ -152,7 +152,7 @@ impl Default for SimulatedInput {
 impl Default for SimulatedDepth {
     fn default() -> Self {
         Self {
-            least_gradient: 8.0,
+            least_gradient: 6.0,
             holes: 0.25,
             noise: 0.005,
             outliers: 0.05,
