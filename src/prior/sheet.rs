@@ -78,7 +78,7 @@ fn draw(
             continue;
         }
         let (u, v) = (CELL.0 as f64 / 2.0 + point.x * SCALE, CELL.1 as f64 / 2.0 - point.y * SCALE);
-        let shade = (110.0 + 130.0 * normal.dot(&light).max(0.0)) as f32;
+        let shade = (70.0 + 170.0 * normal.dot(&light).max(0.0)) as f32;
         for row in v as i64 - reach..=v as i64 + reach {
             for column in u as i64 - reach..=u as i64 + reach {
                 let (Ok(column), Ok(row)) = (usize::try_from(column), usize::try_from(row)) else { continue };
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(sheet.size(), (4 * CELL.0, CELL.1 + MARGIN));
         let centre = sheet[(3 * CELL.0 + CELL.0 / 2, MARGIN + CELL.1 / 2)];
         let light = V3::new(-0.4, 0.7, 0.6).normalize();
-        let expected = 110.0 + 130.0 * V3::new(0.0, -0.6, 0.8).dot(&light).max(0.0);
+        let expected = 70.0 + 170.0 * V3::new(0.0, -0.6, 0.8).dot(&light).max(0.0);
         assert!((f64::from(centre[2]) - expected).abs() < 0.1, "{centre:?} {expected}");
     }
 }

@@ -11,6 +11,8 @@ type V3 = Vector3<f64>;
 const DIRECTIONS: usize = 60;
 /// A sample is outside if at least so many directions are free.
 const FREE_DIRECTIONS: usize = 2;
+/// So many tell which side is out; the rest need not be tried.
+const ENOUGH_DIRECTIONS: usize = 7;
 /// Where a ray starts to count, in diagonals: past the triangle it starts on and its doubles.
 const RAY_START: f64 = 1e-4;
 
@@ -74,7 +76,7 @@ pub fn sample_outside(mesh: &Mesh, count: usize, seed: u64) -> OutsideSample {
 fn outward(bvh: &Bvh, directions: &[V3], point: &V3, normal: &V3) -> Option<V3> {
     let (mut front, mut back) = (0, 0);
     for direction in directions {
-        if !bvh.occludes(point, direction, RAY_START) {
+        if front + back < ENOUGH_DIRECTIONS && !bvh.occludes(point, direction, RAY_START) {
             *(if direction.dot(normal) > 0.0 { &mut front } else { &mut back }) += 1;
         }
     }
@@ -105,11 +107,14 @@ fn draw(triangles: &[[V3; 3]], count: usize, seed: u64) -> Vec<(V3, V3)> {
     drawn
 }
 
-/// Even directions on the sphere (Fibonacci's spiral).
+/// Even directions on the sphere (Fibonacci's spiral), in an order in which the first few are even too.
 fn sphere_directions() -> Vec<V3> {
+    // No common divisor with the number of directions.
+    const STRIDE: usize = 23;
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..DIRECTIONS)
         .map(|i| {
+            let i = i * STRIDE % DIRECTIONS;
             let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
             let (sin, cos) = (golden * i as f64).sin_cos();
             let radius = (1.0 - y * y).sqrt();
