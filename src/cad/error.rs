@@ -26,6 +26,12 @@ pub enum CadError {
         path: PathBuf,
         problem: String,
     },
+    #[error("{field}: {problem}")]
+    Scene {
+        /// Of the scene file.
+        field: &'static str,
+        problem: String,
+    },
 }
 
 impl CadError {

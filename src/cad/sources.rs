@@ -2,7 +2,11 @@
 //! rendered.
 
 use super::archive::Archive;
-use super::{CadError, Mesh, sweethome, torcs};
+use super::plain::Plain;
+use super::sweethome::SweetHome;
+use super::torcs::Torcs;
+use super::trigger::Trigger;
+use super::{Axes, Axis, CadError, Mesh};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -34,6 +38,14 @@ pub struct SourceSpec {
     /// Sweet Home 3D only: the catalogue's category to keep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub category: Option<String>,
+    /// Plain folders only: which axis of the files points up and to the front.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<Axis>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub front: Option<Axis>,
+    /// Plain folders only: the licence of the files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub licence: Option<String>,
 }
 
 /// How a package keeps its models.
@@ -44,6 +56,14 @@ pub enum SourceKind {
     Torcs,
     /// An `.sh3f` library, or a folder of them (Debian: `sweethome3d-furniture`).
     Sweethome3d,
+    /// Trigger Rally's `data.zip` (Debian: `trigger-rally-data`).
+    Trigger,
+    /// The `.whl` of `sumo-data` (PyPI), or the folder that it unpacks to.
+    Sumo,
+    /// The `.whl` of `smarts` (PyPI), likewise.
+    Smarts,
+    /// A folder (or zip) of OBJ, GLB and AC3D files with common axes.
+    Plain,
 }
 
 /// A package opened: its models by name.
@@ -104,19 +124,49 @@ impl SourceSpec {
         if self.category.is_some() && self.kind != SourceKind::Sweethome3d {
             return wrong("category belongs to kind sweethome3d; use include");
         }
+        let of_plain = self.up.is_some() || self.front.is_some() || self.licence.is_some();
+        if of_plain && self.kind != SourceKind::Plain {
+            return wrong("up, front and licence belong to kind plain; leave them out");
+        }
         Ok(())
     }
 
     fn open(&self) -> Result<Vec<Box<dyn Library>>, CadError> {
+        let path = &self.path;
+        let single = |library: Box<dyn Library>| vec![library];
         Ok(match self.kind {
-            SourceKind::Torcs => vec![Box::new(torcs::Torcs::open(&self.path)?)],
-            SourceKind::Sweethome3d => libraries_in(&self.path)?
+            SourceKind::Torcs => single(Box::new(Torcs::open(path)?)),
+            SourceKind::Sweethome3d => libraries_in(path)?
                 .iter()
                 .map(|path| {
-                    let library = sweethome::SweetHome::open(path, self.category.as_deref())?;
+                    let library = SweetHome::open(path, self.category.as_deref())?;
                     Ok(Box::new(library) as Box<dyn Library>)
                 })
                 .collect::<Result<_, CadError>>()?,
+            SourceKind::Trigger => single(Box::new(Trigger::open(path)?)),
+            SourceKind::Sumo => single(Box::new(Plain::open(
+                path,
+                "sumo_data/data/3D/car-",
+                "sumo-data",
+                "EPL-2.0 OR GPL-2.0-or-later",
+                Axes::Y_UP_Z_FRONT,
+            )?)),
+            SourceKind::Smarts => single(Box::new(Plain::open(
+                path,
+                "smarts/assets/vehicles/visual_model/",
+                "smarts",
+                "MIT",
+                Axes::CANONICAL,
+            )?)),
+            SourceKind::Plain => {
+                let (Some(up), Some(front), Some(licence)) = (self.up, self.front, &self.licence) else {
+                    return Err(CadError::source(path, "kind plain needs up, front and licence"));
+                };
+                let axes = Axes::new(up, front)
+                    .ok_or_else(|| CadError::source(path, "up and front lie along one axis; give two"))?;
+                let folder = path.file_name().unwrap_or_default().to_string_lossy();
+                single(Box::new(Plain::open(path, "", &folder, licence, axes)?))
+            }
         })
     }
 

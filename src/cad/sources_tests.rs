@@ -82,3 +82,44 @@ fn check(models: &[NamedModel]) {
         assert!(top(0.0, 0.15) < top(0.4, 0.6), "{name}: front is not at −z");
     }
 }
+
+#[test]
+fn trigger_cars_are_canonical() {
+    let toml = "kind = 'trigger'\npath = '/usr/share/games/trigger-rally/data.zip'\n";
+    let Some(spec) = installed(toml) else { return };
+    let models = load_source(&spec).unwrap();
+    assert_eq!(models.len(), 9);
+    check(&models);
+}
+
+#[test]
+fn plain_folders_take_their_axes_from_the_spec() {
+    let folder = tempfile::tempdir().unwrap();
+    // z up, x front, y left: the vertex farthest along +x must land at −Z, the one along +y at −X.
+    let obj = "v 4 0 0\nv -4 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 2\nf 1 3 5\nf 2 4 5\n";
+    std::fs::write(folder.path().join("a.obj"), obj).unwrap();
+    let spec = |axes: &str| -> SourceSpec {
+        let path = folder.path().display();
+        toml::from_str(&format!("kind = 'plain'\npath = '{path}'\n{axes}")).unwrap()
+    };
+    let models = load_source(&spec("up = '+z'\nfront = '+x'\nlicence = 'CC0-1.0'\n")).unwrap();
+    let [
+        NamedModel {
+            name, licence, mesh, ..
+        },
+    ] = models.as_slice()
+    else {
+        panic!("{} models", models.len())
+    };
+    assert_eq!((name.as_str(), licence.as_str()), ("a", "CC0-1.0"));
+    let scale = 1.0 / (64f64 + 4.0 + 4.0).sqrt();
+    assert!((mesh.vertices[0] - nalgebra::Vector3::new(0.0, -1.0, -4.0) * scale).norm() < 1e-12);
+    assert!((mesh.vertices[2] - nalgebra::Vector3::new(-1.0, -1.0, 0.0) * scale).norm() < 1e-12);
+    assert!(load_source(&spec("up = '+z'\nfront = '-z'\nlicence = 'x'\n")).is_err());
+    assert!(
+        load_source(&spec(""))
+            .unwrap_err()
+            .to_string()
+            .contains("needs up, front and licence")
+    );
+}

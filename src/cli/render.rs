@@ -2,19 +2,26 @@
 
 use anyhow::Context;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use spba_ceres::cad::scene::{self, Scene};
 use spba_ceres::cad::{self, SourceSpec};
-use spba_ceres::image::RgbImage;
+use spba_ceres::image;
+use spba_ceres::sequence;
 use std::path::{Path, PathBuf};
 
 /// Render a sequence with full ground truth from a CAD model.
 #[derive(clap::Args)]
 pub struct Args {
-    /// TOML list of [[source]] tables: draw every model of theirs on one PNG instead.
-    #[arg(long, value_name = "SOURCES.toml")]
-    sheet: PathBuf,
+    /// Scene file (TOML): a model, the camera's path, light, noise; see data/README.md.
+    #[arg(required_unless_present = "sheet")]
+    scene: Option<PathBuf>,
 
-    /// Where to write.
-    #[arg(long)]
+    /// Instead of a scene: draw every model of these [[source]] tables on one PNG, to check them by eye.
+    #[arg(long, value_name = "SOURCES.toml", conflicts_with = "scene")]
+    sheet: Option<PathBuf>,
+
+    /// The sequence folder to make (or, with --sheet, the PNG).
+    #[arg(long, value_name = "PATH")]
     out: PathBuf,
 }
 
@@ -26,42 +33,39 @@ struct Sources {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    sheet(&args.sheet, &args.out)
+    match (&args.scene, &args.sheet) {
+        (Some(file), _) => film(file, &args.out),
+        (None, Some(list)) => sheet(list, &args.out),
+        (None, None) => anyhow::bail!("give a scene file or --sheet"),
+    }
+}
+
+fn film(file: &Path, out: &Path) -> anyhow::Result<()> {
+    let scene: Scene = parse(file)?;
+    let name = out.file_name().unwrap_or_default().to_string_lossy();
+    let sequence = scene::synthesise(&scene, &name).with_context(|| file.display().to_string())?;
+    sequence::write(&sequence, out)?;
+    println!("{}: {} frames", out.display(), sequence.frames.len());
+    Ok(())
+}
+
+fn parse<T: DeserializeOwned>(file: &Path) -> anyhow::Result<T> {
+    let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
+    toml::from_str(&text).with_context(|| file.display().to_string())
 }
 
 fn sheet(list: &Path, out: &Path) -> anyhow::Result<()> {
     const COLUMNS: usize = 3;
     const SIZE_PX: usize = 192;
-    let text = std::fs::read_to_string(list).with_context(|| format!("{}", list.display()))?;
-    let sources: Sources = toml::from_str(&text).with_context(|| format!("{}", list.display()))?;
+    let sources: Sources = parse(list)?;
     let mut models = Vec::new();
     for source in &sources.source {
         models.extend(cad::load_source(source)?);
     }
-    save(&cad::contact_sheet(&models, COLUMNS, SIZE_PX), out)?;
+    image::write_rgb(&cad::contact_sheet(&models, COLUMNS, SIZE_PX), out)?;
     println!("{}, row by row:", out.display());
     for model in &models {
         println!("  {} ({}; {})", model.name, model.source, model.licence);
     }
     Ok(())
-}
-
-fn save(picture: &RgbImage, path: &Path) -> anyhow::Result<()> {
-    let (width, height) = picture.size();
-    let bytes: Vec<u8> = picture
-        .data()
-        .iter()
-        .flatten()
-        .map(|value| value.round().clamp(0.0, 255.0) as u8)
-        .collect();
-    let partial = path.with_extension("partial.png");
-    image::save_buffer(
-        &partial,
-        &bytes,
-        width as u32,
-        height as u32,
-        image::ColorType::Rgb8,
-    )
-    .and_then(|()| Ok(std::fs::rename(&partial, path)?))
-    .with_context(|| format!("{}", path.display()))
 }

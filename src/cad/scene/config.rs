@@ -1,0 +1,316 @@
+//! What a scene file says. Lengths are in object diagonals unless the name says otherwise.
+
+use super::super::render::Light;
+use super::super::{CadError, SourceSpec};
+use serde::{Deserialize, Serialize};
+
+/// A scene file (TOML). Everything but `seed`, `model` and `arc` has a default.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    pub seed: u64,
+    /// Must leave exactly one model.
+    pub model: SourceSpec,
+    pub arc: Arc,
+    #[serde(default)]
+    pub camera: Camera,
+    #[serde(default)]
+    pub light: Light,
+    #[serde(default)]
+    pub background: Background,
+    /// Standard deviation of the sensor's noise, grey levels.
+    #[serde(default = "default_image_noise")]
+    pub image_noise: f64,
+    /// Samples along each side of a pixel, odd.
+    #[serde(default = "default_samples_per_axis")]
+    pub samples_per_axis: usize,
+    /// Points of the true shape, at most.
+    #[serde(default = "default_truth_points")]
+    pub truth_points: usize,
+    #[serde(default)]
+    pub input: SimulatedInput,
+    #[serde(default)]
+    pub depth: SimulatedDepth,
+}
+
+/// The camera's path: see [`super::super::orbit`] for the angles.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Arc {
+    pub frames: usize,
+    /// Of the first and the last frame; 0 looks at the front, 90 at the object's right side.
+    pub azimuth_deg: [f64; 2],
+    pub elevation_deg: f64,
+    pub distance: f64,
+    #[serde(default = "default_frames_per_second")]
+    pub frames_per_second: f64,
+    #[serde(default)]
+    pub jitter: Jitter,
+}
+
+/// Standard deviations of what differs from frame to frame.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Jitter {
+    /// Of azimuth, elevation and roll.
+    pub angle_deg: f64,
+    /// Share of the distance.
+    pub distance: f64,
+    /// Shift of the camera across its line of sight.
+    pub aim: f64,
+    /// Share of the focal length.
+    pub zoom: f64,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Camera {
+    pub width_px: usize,
+    pub height_px: usize,
+    pub focal_px: f64,
+    /// Off the middle, so that a mistake in it shows. The centre of the top-left pixel is (0.5, 0.5).
+    pub principal_px: [f64; 2],
+}
+
+/// A blotchy picture that stays still before the camera while the object moves.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Background {
+    /// Mean colour, RGB in \[0, 255\].
+    pub colour: [f64; 3],
+    /// Half the range of the blotches, grey levels.
+    pub contrast: f64,
+    /// Size of the largest blotches, pixels.
+    pub size_px: f64,
+}
+
+/// Off-the-shelf poses: the true ones with noise, in a frame of their own:
+/// x_input = scale · R(rotation) x_object + translation.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulatedInput {
+    pub scale: f64,
+    /// Axis times angle.
+    pub rotation_deg: [f64; 3],
+    /// In input units.
+    pub translation: [f64; 3],
+    /// Standard deviation of each frame's rotation about the object's centre, per axis.
+    pub rotation_noise_deg: f64,
+    /// Standard deviation of each frame's translation, per axis, share of the distance.
+    pub translation_noise: f64,
+}
+
+/// Off-the-shelf semi-dense depth, in input units.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulatedDepth {
+    /// Only pixels with at least this gradient have depth, grey levels per pixel.
+    pub least_gradient: f64,
+    /// Share of the picture lost to blotchy holes.
+    pub holes: f64,
+    /// Standard deviation, share of z.
+    pub noise: f64,
+    /// Share of the object's depths that are wrong, by up to 30 % of z.
+    pub outliers: f64,
+    /// Share of the textured pixels off the object that have (wrong) depth.
+    pub background: f64,
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        Self {
+            width_px: 320,
+            height_px: 240,
+            focal_px: 400.0,
+            principal_px: [161.5, 118.75],
+        }
+    }
+}
+
+impl Default for Background {
+    fn default() -> Self {
+        Self {
+            colour: [120.0, 125.0, 115.0],
+            contrast: 60.0,
+            size_px: 80.0,
+        }
+    }
+}
+
+impl Default for SimulatedInput {
+    fn default() -> Self {
+        Self {
+            scale: 2.7,
+            rotation_deg: [20.0, -70.0, 35.0],
+            translation: [0.8, -1.7, 2.3],
+            rotation_noise_deg: 0.4,
+            translation_noise: 0.003,
+        }
+    }
+}
+
+impl Default for SimulatedDepth {
+    fn default() -> Self {
+        Self {
+            least_gradient: 6.0,
+            holes: 0.25,
+            noise: 0.005,
+            outliers: 0.05,
+            background: 0.3,
+        }
+    }
+}
+
+fn default_image_noise() -> f64 {
+    1.5
+}
+
+fn default_samples_per_axis() -> usize {
+    5
+}
+
+fn default_truth_points() -> usize {
+    20_000
+}
+
+fn default_frames_per_second() -> f64 {
+    10.0
+}
+
+impl Scene {
+    /// Every option in its range.
+    pub(super) fn check(&self) -> Result<(), CadError> {
+        let require = |holds: bool, field: &'static str, problem: &str| match holds {
+            true => Ok(()),
+            false => Err(CadError::Scene {
+                field,
+                problem: problem.to_owned(),
+            }),
+        };
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let share = |value: f64| (0.0..=1.0).contains(&value);
+        let spread = |value: f64| (0.0..1.0).contains(&value);
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        let size = |value: usize| (1..=8192).contains(&value);
+        let (arc, camera) = (&self.arc, &self.camera);
+        require(
+            (2..=10_000).contains(&arc.frames),
+            "arc.frames",
+            "give 2 to 10000",
+        )?;
+        require(
+            finite(&arc.azimuth_deg),
+            "arc.azimuth_deg",
+            "give two finite angles",
+        )?;
+        require(
+            arc.elevation_deg.abs() < 90.0,
+            "arc.elevation_deg",
+            "give less than 90",
+        )?;
+        require(
+            positive(arc.distance) && arc.distance > 0.6,
+            "arc.distance",
+            "give more than 0.6, outside of the object",
+        )?;
+        require(
+            positive(arc.frames_per_second),
+            "arc.frames_per_second",
+            "give more than 0",
+        )?;
+        let jitter = &arc.jitter;
+        require(
+            (0.0..45.0).contains(&jitter.angle_deg),
+            "arc.jitter.angle_deg",
+            "give 0 to 45",
+        )?;
+        require(
+            spread(jitter.distance),
+            "arc.jitter.distance",
+            "give 0 to below 1",
+        )?;
+        require(spread(jitter.aim), "arc.jitter.aim", "give 0 to below 1")?;
+        require(
+            (0.0..0.2).contains(&jitter.zoom),
+            "arc.jitter.zoom",
+            "give 0 to below 0.2",
+        )?;
+        require(size(camera.width_px), "camera.width_px", "give 1 to 8192")?;
+        require(size(camera.height_px), "camera.height_px", "give 1 to 8192")?;
+        require(positive(camera.focal_px), "camera.focal_px", "give more than 0")?;
+        require(
+            finite(&camera.principal_px),
+            "camera.principal_px",
+            "give two finite numbers",
+        )?;
+        let light = &self.light;
+        let length: f64 = light.direction.iter().map(|x| x * x).sum();
+        require(
+            positive(length),
+            "light.direction",
+            "give a direction other than 0",
+        )?;
+        require(
+            finite(&[light.ambient, light.diffuse]),
+            "light",
+            "give finite numbers",
+        )?;
+        require(
+            (1..=15).contains(&self.samples_per_axis) && self.samples_per_axis % 2 == 1,
+            "samples_per_axis",
+            "give an odd number up to 15",
+        )?;
+        require(self.truth_points > 0, "truth_points", "give more than 0")?;
+        require(
+            self.image_noise >= 0.0 && self.image_noise.is_finite(),
+            "image_noise",
+            "give 0 or more",
+        )?;
+        require(
+            positive(self.background.size_px),
+            "background.size_px",
+            "give more than 0",
+        )?;
+        require(
+            finite(&self.background.colour) && self.background.contrast.is_finite(),
+            "background",
+            "give finite numbers",
+        )?;
+        let input = &self.input;
+        require(positive(input.scale), "input.scale", "give more than 0")?;
+        require(
+            finite(&input.rotation_deg) && finite(&input.translation),
+            "input",
+            "give finite numbers",
+        )?;
+        require(
+            (0.0..90.0).contains(&input.rotation_noise_deg),
+            "input.rotation_noise_deg",
+            "give 0 to below 90",
+        )?;
+        require(
+            spread(input.translation_noise),
+            "input.translation_noise",
+            "give 0 to below 1",
+        )?;
+        let depth = &self.depth;
+        require(
+            depth.least_gradient >= 0.0,
+            "depth.least_gradient",
+            "give 0 or more",
+        )?;
+        require(
+            (0.0..0.3).contains(&depth.noise),
+            "depth.noise",
+            "give 0 to below 0.3",
+        )?;
+        for (value, field) in [
+            (depth.holes, "depth.holes"),
+            (depth.outliers, "depth.outliers"),
+            (depth.background, "depth.background"),
+        ] {
+            require(share(value), field, "give a share from 0 to 1")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,129 @@
+//! A made-up video with full ground truth: cameras on an arc around a CAD model, and what off-the-shelf tools would
+//! give for it, in a frame and scale of their own.
+//!
+//! The same scene gives the same bytes: all chance comes from its seed.
+
+mod background;
+mod config;
+mod input;
+mod outside;
+mod random;
+
+pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput};
+pub use outside::outside_points;
+
+use super::render::{Renderer, Rendering, View};
+use super::{CadError, Mesh, load_source, orbit};
+use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
+use crate::image::{Grid, RgbImage};
+use crate::sequence::{Frame, Sequence, Truth};
+use random::Random;
+use rayon::prelude::*;
+
+/// Streams of chance, one per purpose, so that changing one option leaves what the others draw alone.
+mod stream {
+    pub(super) const CAMERA: u64 = 1;
+    pub(super) const SENSOR: u64 = 2;
+    pub(super) const POSE: u64 = 3;
+    pub(super) const DEPTH: u64 = 4;
+    pub(super) const HOLES: u64 = 5;
+    pub(super) const BACKGROUND: u64 = 6;
+}
+
+/// Loads the model and makes the sequence, named `name`.
+///
+/// # Errors
+/// An option out of its range, a model that cannot be read, or not exactly one model.
+pub fn synthesise(scene: &Scene, name: &str) -> Result<Sequence, CadError> {
+    scene.check()?;
+    let models = load_source(&scene.model)?;
+    let [model] = models.as_slice() else {
+        return Err(CadError::Scene {
+            field: "model",
+            problem: format!("{} models; name one in include", models.len()),
+        });
+    };
+    Ok(film(scene, &model.mesh, name))
+}
+
+/// The sequence of a mesh in the object frame; `scene.model` is not looked at.
+pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Sequence {
+    let views: Vec<View> = (0..scene.arc.frames).map(|index| view(scene, index)).collect();
+    let renderer = Renderer::new(mesh, scene.samples_per_axis, scene.light);
+    let renderings: Vec<Rendering> = views.par_iter().map(|view| renderer.render(view)).collect();
+    let backdrop = background::paint(scene);
+    let frames = renderings
+        .iter()
+        .zip(&views)
+        .enumerate()
+        .map(|(index, (rendering, view))| {
+            let image = sensor(scene, index, rendering, &backdrop);
+            Frame {
+                name: format!("{index:03}"),
+                depth: Some(input::depth(scene, index, &image, rendering)),
+                image,
+                mask: rendering.mask.clone(),
+                camera: view.camera,
+                timestamp_s: Some(index as f64 / scene.arc.frames_per_second),
+                camera_from_input: Some(input::pose(scene, index, &view.camera_from_object)),
+            }
+        })
+        .collect();
+    Sequence {
+        name: name.to_owned(),
+        frames,
+        truth: Some(Truth {
+            camera_from_object: views.iter().map(|view| view.camera_from_object).collect(),
+            depth: renderings.into_iter().map(|rendering| rendering.depth).collect(),
+            shape: outside_points(mesh, scene.truth_points),
+        }),
+    }
+}
+
+fn view(scene: &Scene, index: usize) -> View {
+    let (arc, jitter) = (&scene.arc, &scene.arc.jitter);
+    let mut random = Random::new(scene.seed, stream::CAMERA, index as u64);
+    let share = index as f64 / (arc.frames.max(2) - 1) as f64;
+    let [start, end] = arc.azimuth_deg;
+    let azimuth = start + share * (end - start) + jitter.angle_deg * random.normal();
+    let elevation = arc.elevation_deg + jitter.angle_deg * random.normal();
+    let distance = arc.distance * (1.0 + jitter.distance * random.normal()).max(0.5);
+    let looking_at_centre = orbit(azimuth, elevation, distance);
+    let roll = Pose {
+        rotation: Rotation3::from_axis_angle(
+            &Vector3::z_axis(),
+            (jitter.angle_deg * random.normal()).to_radians(),
+        ),
+        translation: Vector3::new(random.normal(), random.normal(), 0.0) * jitter.aim,
+    };
+    let zoom = 1.0 + jitter.zoom * random.normal();
+    View {
+        camera: Pinhole {
+            fx: scene.camera.focal_px * zoom,
+            fy: scene.camera.focal_px * zoom,
+            cx: scene.camera.principal_px[0],
+            cy: scene.camera.principal_px[1],
+        },
+        camera_from_object: roll.after(&looking_at_centre),
+        width: scene.camera.width_px,
+        height: scene.camera.height_px,
+    }
+}
+
+/// The rendering over the backdrop, with noise, as whole grey levels.
+fn sensor(scene: &Scene, index: usize, rendering: &Rendering, backdrop: &RgbImage) -> RgbImage {
+    let mut random = Random::new(scene.seed, stream::SENSOR, index as u64);
+    let (width, height) = rendering.image.size();
+    Grid::from_fn(width, height, |column, row| {
+        let at = (column, row);
+        let behind = 1.0 - rendering.coverage[at];
+        std::array::from_fn(|c| {
+            let clean = rendering.image[at][c] + behind * backdrop[at][c];
+            let noise = scene.image_noise * random.normal();
+            (clean + noise as f32).round().clamp(0.0, 255.0)
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests;

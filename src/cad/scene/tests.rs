@@ -1,0 +1,198 @@
+use super::super::{Material, Triangle};
+use super::*;
+use crate::geometry::{Similarity, Vector2};
+
+/// A box of the proportions of a car, with faces of different colours.
+fn cuboid(half: [f64; 3]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let base = mesh.vertices.len() as u32;
+            for (a, b) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+                let mut corner = Vector3::zeros();
+                corner[axis] = side * half[axis];
+                corner[(axis + 1) % 3] = a * half[(axis + 1) % 3];
+                corner[(axis + 2) % 3] = b * half[(axis + 2) % 3];
+                mesh.vertices.push(corner);
+            }
+            let material = mesh.materials.len() as u32;
+            mesh.materials.push(Material {
+                diffuse: [0.2 + 0.3 * axis as f32, 0.5 + 0.4 * side as f32, 0.3],
+                opacity: 1.0,
+                texture: None,
+            });
+            for vertices in [[0, 1, 2], [0, 2, 3]] {
+                mesh.triangles.push(Triangle {
+                    vertices: vertices.map(|i| base + i),
+                    texture_coordinates: [[0.0; 2]; 3],
+                    material,
+                });
+            }
+        }
+    }
+    mesh
+}
+
+const HALF: [f64; 3] = [0.18, 0.13, 0.44];
+
+fn scene(extra: &str) -> Scene {
+    toml::from_str(&format!(
+        "seed = 7\ntruth_points = 2000\n{extra}\n[model]\nkind = 'torcs'\npath = 'unused'\n[arc]\nframes = 3\n\
+         azimuth_deg = [20, 50]\nelevation_deg = 15\ndistance = 1.7\njitter = {{ angle_deg = 1, distance = 0.02, aim = 0.01 }}\n"
+    ))
+    .unwrap()
+}
+
+#[test]
+fn without_noise_the_input_is_the_truth_in_another_frame() {
+    let mut scene = scene("");
+    scene.input.rotation_noise_deg = 0.0;
+    scene.input.translation_noise = 0.0;
+    scene.depth = SimulatedDepth {
+        least_gradient: 0.0,
+        holes: 0.0,
+        noise: 0.0,
+        outliers: 0.0,
+        background: 0.0,
+    };
+    let sequence = film(&scene, &cuboid(HALF), "box");
+    let truth = sequence.truth.as_ref().unwrap();
+    let input_from_object = Similarity {
+        scale: 2.7,
+        rotation: Rotation3::from_scaled_axis(Vector3::new(20.0, -70.0, 35.0).map(f64::to_radians)),
+        translation: Vector3::new(0.8, -1.7, 2.3),
+    };
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        let camera_from_input = frame.camera_from_input.unwrap();
+        for point in &truth.shape[..50] {
+            let point = Vector3::from(point.map(f64::from));
+            let direct = truth.camera_from_object[l].transform(&point);
+            let around = camera_from_input.transform(&input_from_object.transform(&point));
+            // x_cam = α x'_cam with α = 1 / 2.7.
+            assert!((direct - around / 2.7).norm() < 1e-12);
+        }
+        let depth = frame.depth.as_ref().unwrap();
+        for (given, true_z) in depth.data().iter().zip(truth.depth[l].data()) {
+            // The border has no gradient; the box does not reach it.
+            assert!((given - 2.7 * true_z).abs() < 1e-5);
+        }
+    }
+}
+
+#[test]
+fn true_depth_and_pose_put_every_pixel_on_the_box() {
+    let scene = scene("");
+    let sequence = film(&scene, &cuboid(HALF), "box");
+    let truth = sequence.truth.unwrap();
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        let (mut seen, map) = (0, &truth.depth[l]);
+        for (i, &z) in map.data().iter().enumerate() {
+            assert_eq!(z > 0.0, frame.mask.data()[i]);
+            if z > 0.0 {
+                let pixel = Vector2::new((i % 320) as f64 + 0.5, (i / 320) as f64 + 0.5);
+                let point = truth.camera_from_object[l]
+                    .inverse()
+                    .transform(&frame.camera.unproject(&pixel, f64::from(z)));
+                let excess = (0..3).map(|a| point[a].abs() - HALF[a]).fold(f64::MIN, f64::max);
+                assert!(excess.abs() < 1e-6, "{point}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 10_000);
+    }
+}
+
+#[test]
+fn depth_noise_is_as_asked() {
+    let mut scene = scene("");
+    scene.depth.least_gradient = 0.0;
+    let sequence = film(&scene, &cuboid(HALF), "box");
+    let truth = sequence.truth.unwrap();
+    let (mut object, mut given, mut wrong, mut off, mut squares) = (0, 0, 0, 0, 0.0);
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        for (&z, &true_z) in frame
+            .depth
+            .as_ref()
+            .unwrap()
+            .data()
+            .iter()
+            .zip(truth.depth[l].data())
+        {
+            if true_z == 0.0 {
+                off += usize::from(z > 0.0);
+                continue;
+            }
+            object += 1;
+            if z > 0.0 {
+                given += 1;
+                let error = f64::from(z / (2.7 * true_z)) - 1.0;
+                if error.abs() > 0.03 {
+                    wrong += 1;
+                } else {
+                    squares += error * error;
+                }
+            }
+        }
+    }
+    let share = |a: usize, b: usize| a as f64 / b as f64;
+    assert!(
+        share(given, object) > 0.55 && share(given, object) < 0.95,
+        "{}",
+        share(given, object)
+    );
+    assert!(
+        (share(wrong, given) - 0.045).abs() < 0.02,
+        "{}",
+        share(wrong, given)
+    );
+    let deviation = (squares / (given - wrong) as f64).sqrt();
+    assert!((deviation - 0.005).abs() < 0.002, "{deviation}");
+    assert!(off > 1000);
+}
+
+#[test]
+fn outside_points_lie_on_the_outside_only() {
+    let mut mesh = cuboid(HALF);
+    mesh.append(cuboid([0.1, 0.05, 0.2]));
+    let points = outside_points(&mesh, 3000);
+    assert!(points.len() > 2000 && points.len() <= 3000, "{}", points.len());
+    let mut faces = [0; 6];
+    for point in points {
+        let excess: [f64; 3] = std::array::from_fn(|a| f64::from(point[a].abs()) - HALF[a]);
+        let axis = (0..3).max_by(|&a, &b| excess[a].total_cmp(&excess[b])).unwrap();
+        assert!(excess[axis].abs() < 1e-4, "{point:?}");
+        faces[2 * axis + usize::from(point[axis] > 0.0)] += 1;
+    }
+    assert!(faces.iter().all(|&count| count > 100), "{faces:?}");
+}
+
+#[test]
+fn same_seed_same_bytes_and_other_seed_other_noise() {
+    let first = film(&scene(""), &cuboid(HALF), "box");
+    let again = film(&scene(""), &cuboid(HALF), "box");
+    let mut reseeded = scene("");
+    reseeded.seed = 8;
+    let other = film(&reseeded, &cuboid(HALF), "box");
+    for l in 0..3 {
+        assert_eq!(first.frames[l].image, again.frames[l].image);
+        assert_eq!(first.frames[l].depth, again.frames[l].depth);
+        assert_eq!(
+            first.frames[l].camera_from_input,
+            again.frames[l].camera_from_input
+        );
+        assert_ne!(first.frames[l].image, other.frames[l].image);
+    }
+    assert_eq!(first.truth.unwrap().shape, again.truth.unwrap().shape);
+}
+
+#[test]
+fn options_out_of_range_are_named() {
+    let mut bad = scene("");
+    bad.camera.focal_px = f64::NAN;
+    let message = synthesise(&bad, "box").unwrap_err().to_string();
+    assert_eq!(message, "camera.focal_px: give more than 0");
+    let unknown = toml::from_str::<Scene>("seed = 1\nsead = 2\n")
+        .unwrap_err()
+        .to_string();
+    assert!(unknown.contains("sead"), "{unknown}");
+}
