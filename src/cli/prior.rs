@@ -4,7 +4,7 @@ use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Deserialize;
 use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
-use spba_ceres::prior::learn::{LearnOptions, SAMPLES, Progress, TrainingShape, correspond};
+use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
 use spba_ceres::prior::{self, LinearPrior, PriorInfo, PriorSource};
 use std::path::{Path, PathBuf};
 
@@ -107,13 +107,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 fn learn(args: &Learn) -> anyhow::Result<()> {
     let (list, models) = args.models.load()?;
-    let shapes = args.models.sample(&models, 0);
+    let shapes = args.models.sample(&models, 1, 0);
     let options = args.models.options(args.points);
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
     let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, found.normals, args.styles)?;
     if explained.len() < args.styles {
-        bail!("--styles {}: {} models give at most {}", args.styles, models.len(), explained.len());
+        bail!(
+            "--styles {}: {} models give at most {}",
+            args.styles,
+            models.len(),
+            explained.len()
+        );
     }
     let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
     licences.sort();
@@ -158,7 +163,10 @@ impl Learn {
 }
 
 fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
 }
 
 fn source_of(model: &NamedModel) -> PriorSource {
@@ -171,19 +179,33 @@ fn source_of(model: &NamedModel) -> PriorSource {
 
 fn eval(args: &Eval) -> anyhow::Result<()> {
     let (list, models) = args.models.load()?;
-    let shapes = args.models.sample(&models, 0);
-    // Another seed: errors are measured on samples that were not learned from.
-    let truth: Vec<_> = args.models.sample(&models, 1 << 32).into_iter().map(|s| s.outside).collect();
+    let shapes = args.models.sample(&models, 1, 0);
+    // Another seed, since errors are measured on samples that were not learned from; and more of them, since the gaps
+    // between them add to the error.
+    let truth = args.models.sample(&models, 2, 1 << 32);
+    let truth: Vec<_> = truth.into_iter().map(|shape| shape.outside).collect();
     let options = args.models.options(args.points.max(8192));
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
     let groups = groups(&models, &list.near_duplicates)?;
     let errors = prior::leave_one_out(&found, &truth, &groups, &args.styles, args.points)?;
     bar.0.finish_and_clear();
-    println!("leave-one-out over {} models, {} points, % of the diagonal", models.len(), args.points);
-    println!("{:>6}  {:>17}  {:>10}", "styles", "by correspondence", "by Chamfer");
+    println!(
+        "leave-one-out over {} models, {} points, % of the diagonal",
+        models.len(),
+        args.points
+    );
+    println!(
+        "{:>6}  {:>17}  {:>10}",
+        "styles", "by correspondence", "by Chamfer"
+    );
     for row in &errors {
-        println!("{:>6}  {:>17.3}  {:>10.3}", row.styles, 100.0 * row.by_correspondence, 100.0 * row.by_chamfer);
+        println!(
+            "{:>6}  {:>17.3}  {:>10.3}",
+            row.styles,
+            100.0 * row.by_correspondence,
+            100.0 * row.by_chamfer
+        );
     }
     let own: Vec<f64> = found
         .shapes
@@ -192,7 +214,11 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         .map(|(shape, truth)| prior::chamfer(&prior::points_of(shape, args.points), &truth.points))
         .collect();
     let floor = own.iter().sum::<f64>() / own.len() as f64;
-    println!("{:>6}  {:>17.3}  (the model's own corresponded points: the floor)", "-", 100.0 * floor);
+    println!(
+        "{:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
+        "-",
+        100.0 * floor
+    );
     if args.each
         && let Some(last) = errors.last()
     {
@@ -227,13 +253,31 @@ fn show(args: &Show) -> anyhow::Result<()> {
     let sheet = prior::contact_sheet(&prior, args.modes);
     let bytes: Vec<u8> = sheet.data().iter().flatten().map(|&x| x as u8).collect();
     let (width, height) = sheet.size();
-    image::save_buffer(&args.out, &bytes, width as u32, height as u32, image::ColorType::Rgb8)
-        .with_context(|| format!("{}: cannot write the sheet", args.out.display()))?;
-    println!("{}: {}, {} points, {} styles", info.category, info.frame, info.points, info.styles);
-    println!("learned from {} models ({})", info.sources.len(), info.licences.join("; "));
+    image::save_buffer(
+        &args.out,
+        &bytes,
+        width as u32,
+        height as u32,
+        image::ColorType::Rgb8,
+    )
+    .with_context(|| format!("{}: cannot write the sheet", args.out.display()))?;
+    println!(
+        "{}: {}, {} points, {} styles",
+        info.category, info.frame, info.points, info.styles
+    );
+    println!(
+        "learned from {} models ({})",
+        info.sources.len(),
+        info.licences.join("; ")
+    );
     println!("{}", info.command);
     for (k, share) in info.explained_variance.iter().enumerate() {
-        print!("{}{}: {:.1} %", if k == 0 { "variance explained by " } else { ", " }, k + 1, 100.0 * share);
+        print!(
+            "{}{}: {:.1} %",
+            if k == 0 { "variance explained by " } else { ", " },
+            k + 1,
+            100.0 * share
+        );
     }
     println!("\nwrote {}", args.out.display());
     Ok(())
@@ -243,8 +287,8 @@ impl Models {
     fn load(&self) -> anyhow::Result<(SourceList, Vec<NamedModel>)> {
         let text = std::fs::read_to_string(&self.sources)
             .with_context(|| format!("{}: cannot read the list of sources", self.sources.display()))?;
-        let list: SourceList =
-            toml::from_str(&text).with_context(|| format!("{}: not a list of sources", self.sources.display()))?;
+        let list: SourceList = toml::from_str(&text)
+            .with_context(|| format!("{}: not a list of sources", self.sources.display()))?;
         let mut models = Vec::new();
         for source in &list.source {
             models.extend(load_source(source)?);
@@ -252,7 +296,8 @@ impl Models {
         Ok((list, models))
     }
 
-    fn sample(&self, models: &[NamedModel], offset: u64) -> Vec<TrainingShape> {
+    /// Draws `times` the usual number of samples.
+    fn sample(&self, models: &[NamedModel], times: usize, seed_offset: u64) -> Vec<TrainingShape> {
         let bar = Bar::new();
         let shape = |(index, model): (usize, &NamedModel)| {
             bar.show(&Progress {
@@ -260,8 +305,8 @@ impl Models {
                 done: index,
                 total: models.len(),
             });
-            let seed = self.seed.wrapping_add(offset).wrapping_add(index as u64);
-            TrainingShape::new(&model.name, &model.mesh, self.samples, seed)
+            let seed = self.seed.wrapping_add(seed_offset).wrapping_add(index as u64);
+            TrainingShape::new(&model.name, &model.mesh, times * self.samples, seed)
         };
         let shapes = models.iter().enumerate().map(shape).collect();
         bar.0.finish_and_clear();

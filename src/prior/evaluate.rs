@@ -30,7 +30,10 @@ pub struct FitError {
 pub fn chamfer(a: &[V3], b: &[V3]) -> f64 {
     let one_way = |from: &[V3], to: &[V3]| {
         let tree = tree_of(to);
-        let distances = from.iter().filter_map(|&p| tree.nearest(p.into())).map(|n| n.distance);
+        let distances = from
+            .iter()
+            .filter_map(|&p| tree.nearest(p.into()))
+            .map(|n| n.distance);
         distances.sum::<f64>() / from.len().max(1) as f64
     };
     (one_way(a, b) + one_way(b, a)) / 2.0
@@ -38,7 +41,11 @@ pub fn chamfer(a: &[V3], b: &[V3]) -> f64 {
 
 /// The first `count` points of a shape given as xyz after xyz.
 pub fn points_of(shape: &[f64], count: usize) -> Vec<V3> {
-    shape.chunks_exact(3).take(count).map(V3::from_column_slice).collect()
+    shape
+        .chunks_exact(3)
+        .take(count)
+        .map(V3::from_column_slice)
+        .collect()
 }
 
 /// Leaves each shape out in turn, together with all of its `group` (near-duplicates), and reconstructs it from the rest
@@ -148,7 +155,9 @@ fn fit(prior: &LinearPrior, target: &[V3], count: usize, points: usize) -> Vec<f
                 normal.ger(*weight, &basis, &basis, 1.0);
             }
         }
-        let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else { break };
+        let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else {
+            break;
+        };
         style.copy_from_slice(solution.as_slice());
     }
     style
@@ -178,10 +187,19 @@ mod tests {
                 p
             })
             .collect();
-        let sizes = [(0.3, 0.8), (0.4, 0.7), (0.2, 0.9), (0.35, 0.95), (0.25, 0.75), (0.3, 0.9)];
+        let sizes = [
+            (0.3, 0.8),
+            (0.4, 0.7),
+            (0.2, 0.9),
+            (0.35, 0.95),
+            (0.25, 0.75),
+            (0.3, 0.9),
+        ];
         let shapes = sizes.map(|(height, length)| {
             let size = V3::new(0.4, height, length);
-            unit.iter().flat_map(|p| <[f64; 3]>::from(p.component_mul(&size))).collect()
+            unit.iter()
+                .flat_map(|p| <[f64; 3]>::from(p.component_mul(&size)))
+                .collect()
         });
         Correspondences {
             shapes: shapes.into(),

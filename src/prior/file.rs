@@ -8,7 +8,6 @@ use half::f16;
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The schema this build reads and writes.
@@ -77,7 +76,9 @@ pub enum PriorError {
         #[source]
         source: std::io::Error,
     },
-    #[error("prior `{name}` is neither bundled ({bundled}) nor a file: give one of those names or a path to a .safetensors file")]
+    #[error(
+        "prior `{name}` is neither bundled ({bundled}) nor a file: give one of those names or a path to a .safetensors file"
+    )]
     Unknown { name: String, bundled: String },
     #[error("{}: not a whole safetensors file ({reason}): download or learn it again", path.display())]
     NotSafetensors { path: PathBuf, reason: String },
@@ -142,13 +143,10 @@ pub fn save(path: &Path, prior: &LinearPrior, info: &PriorInfo) -> Result<(), Pr
         source,
     };
     let bytes = to_bytes(prior, info)?;
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut beside = tempfile::NamedTempFile::new_in(folder).map_err(write)?;
-    beside.write_all(&bytes).map_err(write)?;
-    beside.persist(path).map_err(|error| write(error.error))?;
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".partial");
+    std::fs::write(&beside, bytes).map_err(write)?;
+    std::fs::rename(&beside, path).map_err(write)?;
     Ok(())
 }
 
@@ -162,8 +160,13 @@ fn to_bytes(prior: &LinearPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError
         check_mirrored(mean, 1)?;
         check_mirrored(basis, styles)?;
     }
-    let kept: Vec<usize> = (0..mean.len()).filter(|row| (row / 3).is_multiple_of(stride)).collect();
-    let mean: Vec<u8> = kept.iter().flat_map(|&row| (mean[row] as f32).to_le_bytes()).collect();
+    let kept: Vec<usize> = (0..mean.len())
+        .filter(|row| (row / 3).is_multiple_of(stride))
+        .collect();
+    let mean: Vec<u8> = kept
+        .iter()
+        .flat_map(|&row| (mean[row] as f32).to_le_bytes())
+        .collect();
     let normals: Vec<u8> = super::ShapePrior::normals(prior)
         .iter()
         .step_by(stride)
@@ -195,7 +198,11 @@ fn check_mirrored(rows: &[f64], columns: usize) -> Result<(), PriorError> {
     for (pair, both) in rows.chunks(6 * columns).enumerate() {
         let (even, odd) = both.split_at(both.len() / 2);
         let mirrored = even.len() == odd.len()
-            && even.iter().zip(odd).enumerate().all(|(i, (a, b))| *a == if i < columns { -b } else { *b });
+            && even
+                .iter()
+                .zip(odd)
+                .enumerate()
+                .all(|(i, (a, b))| *a == if i < columns { -b } else { *b });
         if !mirrored {
             return Err(PriorError::NotSymmetric(2 * pair + 1));
         }
@@ -222,7 +229,9 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LinearPrior, PriorInfo), PriorErr
             .chunks_exact(3)
             .flat_map(|p| {
                 let image = [-p[0], p[1], p[2]];
-                [p[0], p[1], p[2]].into_iter().chain(image.into_iter().take(if mirrored { 3 } else { 0 }))
+                [p[0], p[1], p[2]]
+                    .into_iter()
+                    .chain(image.into_iter().take(if mirrored { 3 } else { 0 }))
             })
             .collect()
     };
@@ -235,10 +244,11 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LinearPrior, PriorInfo), PriorErr
         .chunks_exact(3)
         .map(|n| [n[0] as f32, n[1] as f32, n[2] as f32])
         .collect();
-    let prior = LinearPrior::new(mean, basis, info.styles, normals).map_err(|source| PriorError::Invalid {
-        path: path.to_owned(),
-        source,
-    })?;
+    let prior =
+        LinearPrior::new(mean, basis, info.styles, normals).map_err(|source| PriorError::Invalid {
+            path: path.to_owned(),
+            source,
+        })?;
     Ok((prior, info))
 }
 
@@ -249,7 +259,8 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
         reason,
     };
     let json = json.ok_or_else(|| wrong("is missing".to_owned()))?;
-    let value: serde_json::Value = serde_json::from_str(json).map_err(|e| wrong(format!("is no JSON: {e}")))?;
+    let value: serde_json::Value =
+        serde_json::from_str(json).map_err(|e| wrong(format!("is no JSON: {e}")))?;
     match value.get("schema").and_then(serde_json::Value::as_u64) {
         Some(found) if found == u64::from(SCHEMA) => {}
         Some(found) => {
@@ -265,7 +276,10 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
         return Err(wrong(format!("has kind `{}`, only `linear` is known", info.kind)));
     }
     if info.symmetry == Symmetry::MirrorX && !info.points.is_multiple_of(2) {
-        return Err(wrong(format!("has symmetry mirror_x and an odd number of points, {}", info.points)));
+        return Err(wrong(format!(
+            "has symmetry mirror_x and an odd number of points, {}",
+            info.points
+        )));
     }
     Ok(info)
 }
@@ -285,11 +299,17 @@ fn numbers(
     let view = file.tensor(name).map_err(|_| wrong("is missing".to_owned()))?;
     if view.shape() != shape || view.dtype() != dtype {
         let (found, found_dtype) = (view.shape(), view.dtype());
-        return Err(wrong(format!("is {found_dtype} {found:?}, {dtype} {shape:?} expected")));
+        return Err(wrong(format!(
+            "is {found_dtype} {found:?}, {dtype} {shape:?} expected"
+        )));
     }
     let values: Vec<f64> = match dtype {
-        Dtype::F32 => chunks(view.data()).map(|b| f64::from(f32::from_le_bytes(b))).collect(),
-        _ => chunks(view.data()).map(|b| f16::from_le_bytes(b).to_f64()).collect(),
+        Dtype::F32 => chunks(view.data())
+            .map(|b| f64::from(f32::from_le_bytes(b)))
+            .collect(),
+        _ => chunks(view.data())
+            .map(|b| f16::from_le_bytes(b).to_f64())
+            .collect(),
     };
     match values.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(wrong(format!("holds {} at index {index}", values[index]))),

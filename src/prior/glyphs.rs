@@ -5,11 +5,14 @@ const WIDTH: usize = 5;
 /// The set pixels (column, row) of `text` at one pixel a dot; unknown characters leave a gap.
 pub fn dots(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
     text.chars().enumerate().flat_map(|(place, character)| {
-        rows(character).into_iter().enumerate().flat_map(move |(row, bits)| {
-            (0..WIDTH)
-                .filter(move |column| bits >> (WIDTH - 1 - column) & 1 == 1)
-                .map(move |column| (place * (WIDTH + 1) + column, row))
-        })
+        rows(character)
+            .into_iter()
+            .enumerate()
+            .flat_map(move |(row, bits)| {
+                (0..WIDTH)
+                    .filter(move |column| bits >> (WIDTH - 1 - column) & 1 == 1)
+                    .map(move |column| (place * (WIDTH + 1) + column, row))
+            })
     })
 }
 

@@ -41,7 +41,15 @@ impl LinearPrior {
         normals: Vec<[f32; 3]>,
     ) -> Result<Self, InvalidPrior> {
         let length = |what, found, expected| {
-            if found == expected { Ok(()) } else { Err(InvalidPrior::Length { what, found, expected }) }
+            if found == expected {
+                Ok(())
+            } else {
+                Err(InvalidPrior::Length {
+                    what,
+                    found,
+                    expected,
+                })
+            }
         };
         if mean.is_empty() {
             return Err(InvalidPrior::Empty);
@@ -58,7 +66,12 @@ impl LinearPrior {
         if let Some(index) = normals.iter().position(|n| !unit(n)) {
             return Err(InvalidPrior::NotUnit(index));
         }
-        Ok(Self { mean, basis, style_len, normals })
+        Ok(Self {
+            mean,
+            basis,
+            style_len,
+            normals,
+        })
     }
 
     /// The prior of `shapes`' first `style_len` principal components (fewer where there are fewer shapes), and

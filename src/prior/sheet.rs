@@ -37,10 +37,29 @@ pub fn contact_sheet(prior: &LinearPrior, modes: usize) -> RgbImage {
         let top = (mode + 1) * row_height;
         for (half, deviation, sign) in [(0, -2.0, "-"), (1, 2.0, "+")] {
             let left = half * 2 * CELL.0;
-            write(&mut sheet, left + 4, top + 4, &format!("MODE {}  {sign}2 SIGMA", mode + 1));
+            write(
+                &mut sheet,
+                left + 4,
+                top + 4,
+                &format!("MODE {}  {sign}2 SIGMA", mode + 1),
+            );
             style[mode] = deviation;
-            draw(&mut sheet, (left, top + MARGIN), prior, &style, THREE_QUARTER, radius);
-            draw(&mut sheet, (left + CELL.0, top + MARGIN), prior, &style, SIDE, radius);
+            draw(
+                &mut sheet,
+                (left, top + MARGIN),
+                prior,
+                &style,
+                THREE_QUARTER,
+                radius,
+            );
+            draw(
+                &mut sheet,
+                (left + CELL.0, top + MARGIN),
+                prior,
+                &style,
+                SIDE,
+                radius,
+            );
         }
         style[mode] = 0.0;
     }
@@ -51,7 +70,11 @@ pub fn contact_sheet(prior: &LinearPrior, modes: usize) -> RgbImage {
 fn viewer_from_object((azimuth, elevation): (f64, f64)) -> Matrix3<f64> {
     let (sin_azimuth, cos_azimuth) = azimuth.to_radians().sin_cos();
     let (sin_elevation, cos_elevation) = elevation.to_radians().sin_cos();
-    let towards = V3::new(sin_azimuth * cos_elevation, sin_elevation, -cos_azimuth * cos_elevation);
+    let towards = V3::new(
+        sin_azimuth * cos_elevation,
+        sin_elevation,
+        -cos_azimuth * cos_elevation,
+    );
     let right = V3::y().cross(&towards).normalize();
     let up = towards.cross(&right);
     Matrix3::from_rows(&[right.transpose(), up.transpose(), towards.transpose()])
@@ -77,11 +100,16 @@ fn draw(
         if normal.z < 0.05 {
             continue;
         }
-        let (u, v) = (CELL.0 as f64 / 2.0 + point.x * SCALE, CELL.1 as f64 / 2.0 - point.y * SCALE);
-        let shade = (110.0 + 130.0 * normal.dot(&light).max(0.0)) as f32;
+        let (u, v) = (
+            CELL.0 as f64 / 2.0 + point.x * SCALE,
+            CELL.1 as f64 / 2.0 - point.y * SCALE,
+        );
+        let shade = (70.0 + 170.0 * normal.dot(&light).max(0.0)) as f32;
         for row in v as i64 - reach..=v as i64 + reach {
             for column in u as i64 - reach..=u as i64 + reach {
-                let (Ok(column), Ok(row)) = (usize::try_from(column), usize::try_from(row)) else { continue };
+                let (Ok(column), Ok(row)) = (usize::try_from(column), usize::try_from(row)) else {
+                    continue;
+                };
                 if column >= CELL.0 || row >= CELL.1 {
                     continue;
                 }
@@ -115,7 +143,10 @@ mod tests {
         assert!((view * V3::x() + V3::x()).norm() < 1e-12);
         assert!((view * -V3::z() - V3::z()).norm() < 1e-12);
         let side = viewer_from_object(SIDE);
-        assert!((side * -V3::z() + V3::x()).norm() < 1e-12, "the front is on the left");
+        assert!(
+            (side * -V3::z() + V3::x()).norm() < 1e-12,
+            "the front is on the left"
+        );
     }
 
     #[test]
@@ -127,7 +158,10 @@ mod tests {
         assert_eq!(sheet.size(), (4 * CELL.0, CELL.1 + MARGIN));
         let centre = sheet[(3 * CELL.0 + CELL.0 / 2, MARGIN + CELL.1 / 2)];
         let light = V3::new(-0.4, 0.7, 0.6).normalize();
-        let expected = 110.0 + 130.0 * V3::new(0.0, -0.6, 0.8).dot(&light).max(0.0);
-        assert!((f64::from(centre[2]) - expected).abs() < 0.1, "{centre:?} {expected}");
+        let expected = 70.0 + 170.0 * V3::new(0.0, -0.6, 0.8).dot(&light).max(0.0);
+        assert!(
+            (f64::from(centre[2]) - expected).abs() < 0.1,
+            "{centre:?} {expected}"
+        );
     }
 }

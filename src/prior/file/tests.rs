@@ -6,7 +6,11 @@ fn mirrored() -> LinearPrior {
     let mirror = |half: &[f64], columns: usize| -> Vec<f64> {
         half.chunks_exact(3 * columns)
             .flat_map(|p| {
-                let image: Vec<f64> = p.iter().enumerate().map(|(i, x)| if i < columns { -x } else { *x }).collect();
+                let image: Vec<f64> = p
+                    .iter()
+                    .enumerate()
+                    .map(|(i, x)| if i < columns { -x } else { *x })
+                    .collect();
                 [p.to_vec(), image].concat()
             })
             .collect()
@@ -31,7 +35,10 @@ fn bytes() -> Vec<u8> {
 
 fn refusal(bytes: &[u8]) -> String {
     let message = parse(bytes, Path::new("a.safetensors")).unwrap_err().to_string();
-    assert!(message.starts_with("a.safetensors: ") && !message.contains('\n'), "{message}");
+    assert!(
+        message.starts_with("a.safetensors: ") && !message.contains('\n'),
+        "{message}"
+    );
     message
 }
 
@@ -41,7 +48,11 @@ fn with_metadata(edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let file = SafeTensors::deserialize(&bytes).unwrap();
     let mut value = serde_json::to_value(describe()).unwrap();
     edit(&mut value);
-    serialize(file.tensors(), Some([(METADATA_KEY.to_owned(), value.to_string())].into())).unwrap()
+    serialize(
+        file.tensors(),
+        Some([(METADATA_KEY.to_owned(), value.to_string())].into()),
+    )
+    .unwrap()
 }
 
 #[test]
@@ -79,7 +90,10 @@ fn an_asymmetric_prior_is_not_written_as_symmetric() {
     let mut mean = prior.mean().to_vec();
     mean[10] += 0.01;
     let prior = LinearPrior::new(mean, prior.basis().to_vec(), 2, prior.normals().to_vec()).unwrap();
-    assert!(matches!(to_bytes(&prior, &describe()), Err(PriorError::NotSymmetric(3))));
+    assert!(matches!(
+        to_bytes(&prior, &describe()),
+        Err(PriorError::NotSymmetric(3))
+    ));
 }
 
 #[test]
@@ -88,7 +102,9 @@ fn broken_files_are_named_for_what_they_are() {
     assert!(refusal(b"solid car").contains("not a whole safetensors file"));
     assert!(refusal(&whole[..whole.len() - 5]).contains("not a whole safetensors file"));
     assert!(refusal(&[]).contains("not a whole safetensors file"));
-    assert!(refusal(&with_metadata(|v| v["schema"] = 2.into())).contains("prior schema 2, this build reads 1"));
+    assert!(
+        refusal(&with_metadata(|v| v["schema"] = 2.into())).contains("prior schema 2, this build reads 1")
+    );
     assert!(refusal(&with_metadata(|v| v["schema"] = "x".into())).contains("no schema number"));
     assert!(refusal(&with_metadata(|v| v["points"] = 6.into())).contains("tensor `mean` is F32 [2, 3]"));
     assert!(refusal(&with_metadata(|v| v["points"] = 5.into())).contains("odd number of points"));
@@ -102,14 +118,24 @@ fn broken_files_are_named_for_what_they_are() {
 fn a_missing_tensor_and_a_nan_are_refused() {
     let whole = bytes();
     let file = SafeTensors::deserialize(&whole).unwrap();
-    let metadata = Some([(METADATA_KEY.to_owned(), serde_json::to_string(&describe()).unwrap())].into());
+    let metadata = Some(
+        [(
+            METADATA_KEY.to_owned(),
+            serde_json::to_string(&describe()).unwrap(),
+        )]
+        .into(),
+    );
     let fewer = file.tensors().into_iter().filter(|(name, _)| name != "normals");
     assert!(refusal(&serialize(fewer, metadata.clone()).unwrap()).contains("tensor `normals` is missing"));
     let mut data = file.tensor("basis").unwrap().data().to_vec();
     data[2..4].copy_from_slice(&f16::NAN.to_le_bytes());
     let poisoned = file.tensors().into_iter().map(|(name, view)| {
         let basis = TensorView::new(view.dtype(), view.shape().to_vec(), &data);
-        if name == "basis" { (name, basis.unwrap()) } else { (name, view) }
+        if name == "basis" {
+            (name, basis.unwrap())
+        } else {
+            (name, view)
+        }
     });
     assert!(refusal(&serialize(poisoned, metadata).unwrap()).contains("holds NaN at index 1"));
 }
@@ -117,8 +143,16 @@ fn a_missing_tensor_and_a_nan_are_refused() {
 #[test]
 fn names_are_resolved() {
     let unknown = find("boat").unwrap_err().to_string();
-    assert!(unknown.contains("`boat` is neither bundled (car) nor a file"), "{unknown}");
-    assert!(find("no/such.safetensors").unwrap_err().to_string().contains("cannot read the prior"));
+    assert!(
+        unknown.contains("`boat` is neither bundled (car) nor a file"),
+        "{unknown}"
+    );
+    assert!(
+        find("no/such.safetensors")
+            .unwrap_err()
+            .to_string()
+            .contains("cannot read the prior")
+    );
 }
 
 #[test]
@@ -128,11 +162,22 @@ fn the_bundled_car_is_usable() {
     assert!(prior.style_len() >= 16 && prior.point_count() >= 8192);
     assert!(!info.sources.is_empty() && !info.licences.is_empty());
     let points = prior.shape(&vec![0.0; prior.style_len()]);
-    let (low, high) = points.iter().fold((points[0], points[0]), |(l, h), p| (l.inf(p), h.sup(p)));
+    let (low, high) = points
+        .iter()
+        .fold((points[0], points[0]), |(l, h), p| (l.inf(p), h.sup(p)));
     assert!(((high - low).norm() - 1.0).abs() < 0.05, "the diagonal is 1");
     let size = high - low;
-    assert!(size.z > size.x && size.x > size.y, "longest along z, lowest along y: {size}");
-    for normal in prior.normals().iter().zip(&points).filter(|(_, p)| p.y > high.y - 0.01).map(|(n, _)| n) {
+    assert!(
+        size.z > size.x && size.x > size.y,
+        "longest along z, lowest along y: {size}"
+    );
+    for normal in prior
+        .normals()
+        .iter()
+        .zip(&points)
+        .filter(|(_, p)| p.y > high.y - 0.01)
+        .map(|(n, _)| n)
+    {
         assert!(normal[1] > 0.5, "the roof faces up");
     }
 }

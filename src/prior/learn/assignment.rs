@@ -115,7 +115,13 @@ mod tests {
     #[test]
     fn finds_a_permutation_back() {
         let points: Vec<_> = (0..300_u32)
-            .map(|i| Vector3::new(f64::from(i * 7919 % 1009), f64::from(i * 104_729 % 997), f64::from(i)) / 1000.0)
+            .map(|i| {
+                Vector3::new(
+                    f64::from(i * 7919 % 1009),
+                    f64::from(i * 104_729 % 997),
+                    f64::from(i),
+                ) / 1000.0
+            })
             .collect();
         let shuffled: Vec<_> = (0..300).map(|i| points[i * 7 % 300]).collect();
         let found = assign_points(&shuffled, &points);

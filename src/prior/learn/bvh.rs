@@ -36,7 +36,9 @@ impl Bvh {
         let inverse = direction.map(|d| 1.0 / d);
         let mut stack = vec![0];
         while let Some(index) = stack.pop() {
-            let Some(node) = self.nodes.get(index) else { continue };
+            let Some(node) = self.nodes.get(index) else {
+                continue;
+            };
             if !crosses_box(origin, &inverse, &node.low, &node.high) {
                 continue;
             }
@@ -133,7 +135,11 @@ mod tests {
 
     #[test]
     fn a_wall_occludes_in_front_only() {
-        let wall = vec![[V3::new(-1.0, -1.0, 2.0), V3::new(3.0, -1.0, 2.0), V3::new(-1.0, 3.0, 2.0)]];
+        let wall = vec![[
+            V3::new(-1.0, -1.0, 2.0),
+            V3::new(3.0, -1.0, 2.0),
+            V3::new(-1.0, 3.0, 2.0),
+        ]];
         let bvh = Bvh::new(wall);
         assert!(bvh.occludes(&V3::zeros(), &V3::z(), 1e-6));
         assert!(!bvh.occludes(&V3::zeros(), &-V3::z(), 1e-6));

@@ -47,7 +47,11 @@ pub fn correspond(shapes: &[OutsideSample], passes: usize, mut done: impl FnMut(
 fn mean(shapes: &[Vec<V3>], partner: &[Vec<usize>]) -> Vec<V3> {
     (0..shapes[0].len())
         .map(|i| {
-            let sum: V3 = shapes.iter().zip(partner).map(|(shape, partner)| shape[partner[i]]).sum();
+            let sum: V3 = shapes
+                .iter()
+                .zip(partner)
+                .map(|(shape, partner)| shape[partner[i]])
+                .sum();
             sum / shapes.len() as f64
         })
         .collect()
@@ -64,5 +68,7 @@ fn medoid(shapes: &[Vec<V3>]) -> usize {
             .sum()
     };
     let costs: Vec<f64> = shapes.par_iter().map(cost).collect();
-    (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0)
+    (0..costs.len())
+        .min_by(|&a, &b| costs[a].total_cmp(&costs[b]))
+        .unwrap_or(0)
 }

@@ -14,9 +14,12 @@ pub fn farthest_order(points: &[V3], count: usize) -> Vec<usize> {
 /// The same for one half of a mirrored shape: a point brings its mirror image in x = 0 along, so it keeps
 /// clear of the images of those before it and of its own.
 pub fn farthest_order_mirrored(points: &[V3], count: usize) -> Vec<usize> {
-    order(points, count, |p| 2.0 * p.x.abs(), |a, b| {
-        a.metric_distance(b).min(a.metric_distance(&mirror(b)))
-    })
+    order(
+        points,
+        count,
+        |p| 2.0 * p.x.abs(),
+        |a, b| a.metric_distance(b).min(a.metric_distance(&mirror(b))),
+    )
 }
 
 fn order(
@@ -70,10 +73,24 @@ mod tests {
         let grid: Vec<V3> = (0..400)
             .map(|i| V3::new(f64::from(i % 20) / 20.0, f64::from(i / 20) / 10.0, 0.0))
             .collect();
-        let chosen: Vec<V3> = farthest_order_mirrored(&grid, 30).iter().map(|&i| grid[i]).collect();
+        let chosen: Vec<V3> = farthest_order_mirrored(&grid, 30)
+            .iter()
+            .map(|&i| grid[i])
+            .collect();
         let both: Vec<V3> = chosen.iter().copied().chain(chosen.iter().map(mirror)).collect();
-        let closest = |p: &V3| both.iter().map(|q| p.metric_distance(q)).filter(|&d| d > 0.0).fold(9.0, f64::min);
-        let (low, high) = chosen.iter().map(closest).fold((9.0_f64, 0.0_f64), |(l, h), d| (l.min(d), h.max(d)));
-        assert!(chosen.iter().all(|p| p.x > 0.0) && high < 2.5 * low, "{low} {high}");
+        let closest = |p: &V3| {
+            both.iter()
+                .map(|q| p.metric_distance(q))
+                .filter(|&d| d > 0.0)
+                .fold(9.0, f64::min)
+        };
+        let (low, high) = chosen
+            .iter()
+            .map(closest)
+            .fold((9.0_f64, 0.0_f64), |(l, h), d| (l.min(d), h.max(d)));
+        assert!(
+            chosen.iter().all(|p| p.x > 0.0) && high < 2.5 * low,
+            "{low} {high}"
+        );
     }
 }

@@ -50,7 +50,9 @@ impl Default for LearnOptions {
 }
 
 /// Area-uniform samples to draw per model, inside ones included.
-pub const SAMPLES: usize = 80_000;
+pub const SAMPLES: usize = 60_000;
+/// Registration looks at so many samples a template point; more cost time and change nothing to speak of.
+const SAMPLES_PER_POINT: usize = 3;
 
 /// Why nothing could be learned.
 #[derive(Debug, thiserror::Error)]
@@ -131,7 +133,11 @@ pub fn correspond(
     let mut done = 0;
     let coarse = coarse::correspond(&coarse_shapes, options.passes, || {
         done += 1;
-        progress(Progress { stage: "corresponding", done, total });
+        progress(Progress {
+            stage: "corresponding",
+            done,
+            total,
+        });
     });
     let coarse_points: Vec<Vec<V3>> = coarse_shapes
         .iter()
@@ -139,26 +145,38 @@ pub fn correspond(
         .map(|(shape, partner)| partner.iter().map(|&i| shape.points[i]).collect())
         .collect();
 
+    let targets: Vec<OutsideSample> = halves
+        .iter()
+        .map(|half| thinned(half, SAMPLES_PER_POINT * half_count))
+        .collect();
     // First the dense points of the shape nearest to the template, then those of the mean.
     let reference = nearest_to(&coarse.template, &coarse_points);
     let dense = halves[reference].select(&farthest_order_mirrored(&halves[reference].points, half_count));
     let template = Template::new(dense);
     let first: Vec<Vec<V3>> = coarse_points
         .par_iter()
-        .zip(&halves)
-        .map(|(goal, half)| {
+        .zip(&targets)
+        .map(|(goal, target)| {
             let start = carry(&template.sample.points, &coarse_points[reference], goal);
-            template.register(&start, half)
+            template.register(&start, target)
         })
         .collect();
-    progress(Progress { stage: "corresponding", done: done + 1, total });
+    progress(Progress {
+        stage: "corresponding",
+        done: done + 1,
+        total,
+    });
     let template = mean_template(&first, &template.sample.normals);
     let second: Vec<Vec<V3>> = first
         .par_iter()
-        .zip(&halves)
-        .map(|(start, half)| template.register(start, half))
+        .zip(&targets)
+        .map(|(start, target)| template.register(start, target))
         .collect();
-    progress(Progress { stage: "corresponding", done: total, total });
+    progress(Progress {
+        stage: "corresponding",
+        done: total,
+        total,
+    });
     let mean = mean_template(&second, &template.sample.normals).sample;
     Ok(ordered(&mean, &second))
 }
@@ -169,21 +187,53 @@ fn check(shapes: &[TrainingShape], options: &LearnOptions) -> Result<(), LearnEr
     }
     let within = |option, value: usize, low: usize, high: usize, range| {
         let fine = (low..=high).contains(&value) && value.is_multiple_of(2);
-        if fine { Ok(()) } else { Err(LearnError::Option { option, value, range }) }
+        if fine {
+            Ok(())
+        } else {
+            Err(LearnError::Option { option, value, range })
+        }
     };
-    within("points", options.points, 64, 65536, "an even number from 64 to 65536")?;
-    within("coarse-points", options.coarse_points, 64, 8192, "an even number from 64 to 8192")?;
+    within(
+        "points",
+        options.points,
+        64,
+        65536,
+        "an even number from 64 to 65536",
+    )?;
+    within(
+        "coarse-points",
+        options.coarse_points,
+        64,
+        8192,
+        "an even number from 64 to 8192",
+    )?;
     if options.passes == 0 {
-        return Err(LearnError::Option { option: "passes", value: 0, range: "1 or more" });
+        return Err(LearnError::Option {
+            option: "passes",
+            value: 0,
+            range: "1 or more",
+        });
     }
     Ok(())
+}
+
+/// At most `count` entries at even strides; samples lie in order of their triangles, so these stay even.
+fn thinned(sample: &OutsideSample, count: usize) -> OutsideSample {
+    let all = sample.points.len();
+    let count = count.min(all);
+    let indices: Vec<usize> = (0..count).map(|k| k * all / count).collect();
+    sample.select(&indices)
 }
 
 /// The shape whose corresponded points lie nearest to the template, both box-normalised.
 fn nearest_to(template: &[V3], shapes: &[Vec<V3>]) -> usize {
     let cost = |shape: &Vec<V3>| -> f64 {
         let normalised = coarse::box_normalised(shape);
-        normalised.iter().zip(template).map(|(a, b)| (a - b).norm_squared()).sum()
+        normalised
+            .iter()
+            .zip(template)
+            .map(|(a, b)| (a - b).norm_squared())
+            .sum()
     };
     (0..shapes.len())
         .min_by(|&a, &b| cost(&shapes[a]).total_cmp(&cost(&shapes[b])))
@@ -202,7 +252,12 @@ fn mean_template(halves: &[Vec<V3>], normals: &[V3]) -> Template {
 /// The normal of the plane through each point's neighbours that face the same way, blended with the hint.
 fn fitted_normals(points: &[V3], hints: &[V3]) -> Vec<V3> {
     const SUPPORT: usize = 12;
-    let tree = neighbours::Neighbours::new(points.iter().zip(hints).map(|(p, n)| neighbours::oriented(p, n, 0.05)));
+    let tree = neighbours::Neighbours::new(
+        points
+            .iter()
+            .zip(hints)
+            .map(|(p, n)| neighbours::oriented(p, n, 0.05)),
+    );
     points
         .iter()
         .zip(hints)

@@ -34,7 +34,13 @@ impl<const D: usize> Neighbours<D> {
             sort_results: true,
         };
         self.0
-            .knn_advanced(count as u32, &simple(query), CandidateContainer::Linear, &parameters, None)
+            .knn_advanced(
+                count as u32,
+                &simple(query),
+                CandidateContainer::Linear,
+                &parameters,
+                None,
+            )
             .into_iter()
             .map(|n| Neighbour {
                 index: n.index as usize,
@@ -77,7 +83,9 @@ mod tests {
         let (up, down) = (Vector3::y(), -Vector3::y());
         let sheet = [(Vector3::new(0.0, 0.001, 0.0), up), (Vector3::zeros(), down)];
         let tree = Neighbours::new(sheet.iter().map(|(p, n)| oriented(p, n, 0.05)));
-        let found = tree.nearest(oriented(&Vector3::new(0.0, 0.002, 0.0), &down, 0.05)).unwrap();
+        let found = tree
+            .nearest(oriented(&Vector3::new(0.0, 0.002, 0.0), &down, 0.05))
+            .unwrap();
         assert_eq!(found.index, 1);
     }
 }

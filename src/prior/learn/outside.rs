@@ -11,6 +11,8 @@ type V3 = Vector3<f64>;
 const DIRECTIONS: usize = 60;
 /// A sample is outside if at least so many directions are free.
 const FREE_DIRECTIONS: usize = 2;
+/// So many tell which side is out; the rest need not be tried.
+const ENOUGH_DIRECTIONS: usize = 7;
 /// Where a ray starts to count, in diagonals: past the triangle it starts on and its doubles.
 const RAY_START: f64 = 1e-4;
 
@@ -24,7 +26,13 @@ pub struct OutsideSample {
 impl OutsideSample {
     /// The sample and its mirror image in x = 0.
     pub fn symmetrised(&self) -> Self {
-        let mirrored = |vectors: &[V3]| vectors.iter().copied().chain(vectors.iter().map(mirror)).collect();
+        let mirrored = |vectors: &[V3]| {
+            vectors
+                .iter()
+                .copied()
+                .chain(vectors.iter().map(mirror))
+                .collect()
+        };
         Self {
             points: mirrored(&self.points),
             normals: mirrored(&self.normals),
@@ -41,7 +49,9 @@ impl OutsideSample {
 
     /// The entries with x ≥ 0.
     pub fn half(&self) -> Self {
-        let indices: Vec<_> = (0..self.points.len()).filter(|&i| self.points[i].x >= 0.0).collect();
+        let indices: Vec<_> = (0..self.points.len())
+            .filter(|&i| self.points[i].x >= 0.0)
+            .collect();
         self.select(&indices)
     }
 }
@@ -74,8 +84,12 @@ pub fn sample_outside(mesh: &Mesh, count: usize, seed: u64) -> OutsideSample {
 fn outward(bvh: &Bvh, directions: &[V3], point: &V3, normal: &V3) -> Option<V3> {
     let (mut front, mut back) = (0, 0);
     for direction in directions {
-        if !bvh.occludes(point, direction, RAY_START) {
-            *(if direction.dot(normal) > 0.0 { &mut front } else { &mut back }) += 1;
+        if front + back < ENOUGH_DIRECTIONS && !bvh.occludes(point, direction, RAY_START) {
+            *(if direction.dot(normal) > 0.0 {
+                &mut front
+            } else {
+                &mut back
+            }) += 1;
         }
     }
     (front + back >= FREE_DIRECTIONS).then_some(if front >= back { *normal } else { -normal })
@@ -97,19 +111,26 @@ fn draw(triangles: &[[V3; 3]], count: usize, seed: u64) -> Vec<(V3, V3)> {
             below += crosses[index].norm();
             index += 1;
         }
-        let (Some([a, b, c]), Some(cross)) = (triangles.get(index), crosses.get(index)) else { break };
-        let Some(normal) = cross.try_normalize(1e-18) else { continue };
+        let (Some([a, b, c]), Some(cross)) = (triangles.get(index), crosses.get(index)) else {
+            break;
+        };
+        let Some(normal) = cross.try_normalize(1e-18) else {
+            continue;
+        };
         let (root, v) = (random.unit().sqrt(), random.unit());
         drawn.push((a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v), normal));
     }
     drawn
 }
 
-/// Even directions on the sphere (Fibonacci's spiral).
+/// Even directions on the sphere (Fibonacci's spiral), in an order in which the first few are even too.
 fn sphere_directions() -> Vec<V3> {
+    // No common divisor with the number of directions.
+    const STRIDE: usize = 23;
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..DIRECTIONS)
         .map(|i| {
+            let i = i * STRIDE % DIRECTIONS;
             let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
             let (sin, cos) = (golden * i as f64).sin_cos();
             let radius = (1.0 - y * y).sqrt();
@@ -160,7 +181,13 @@ mod tests {
     #[test]
     fn the_seed_decides() {
         let mesh = cuboid(V3::zeros(), V3::new(0.4, 0.2, 0.8));
-        assert_eq!(sample_outside(&mesh, 100, 3).points, sample_outside(&mesh, 100, 3).points);
-        assert_ne!(sample_outside(&mesh, 100, 3).points, sample_outside(&mesh, 100, 4).points);
+        assert_eq!(
+            sample_outside(&mesh, 100, 3).points,
+            sample_outside(&mesh, 100, 3).points
+        );
+        assert_ne!(
+            sample_outside(&mesh, 100, 3).points,
+            sample_outside(&mesh, 100, 4).points
+        );
     }
 }

@@ -25,7 +25,11 @@ pub fn components(shapes: &[Vec<f64>], count: usize) -> Components {
         .map(|shape| shape.iter().zip(&mean).map(|(x, m)| x - m).collect())
         .collect();
     let gram = DMatrix::from_fn(shape_count, shape_count, |a, b| {
-        centred[a].iter().zip(&centred[b]).map(|(x, y)| x * y).sum::<f64>()
+        centred[a]
+            .iter()
+            .zip(&centred[b])
+            .map(|(x, y)| x * y)
+            .sum::<f64>()
     });
     let total = gram.trace();
     let eigen = SymmetricEigen::new(gram);
@@ -45,13 +49,20 @@ pub fn components(shapes: &[Vec<f64>], count: usize) -> Components {
                 *out += x * weight * scale;
             }
         }
-        let peak = mode.iter().copied().fold(0.0, |peak: f64, x| if x.abs() > peak.abs() { x } else { peak });
+        let peak = mode
+            .iter()
+            .copied()
+            .fold(0.0, |peak: f64, x| if x.abs() > peak.abs() { x } else { peak });
         if peak < 0.0 {
             mode.iter_mut().for_each(|x| *x = -*x);
         }
         modes.push(mode);
     }
-    Components { mean, modes, explained }
+    Components {
+        mean,
+        modes,
+        explained,
+    }
 }
 
 #[cfg(test)]
@@ -61,13 +72,30 @@ mod tests {
     #[test]
     fn recovers_two_independent_directions() {
         let shape = |a: f64, b: f64| vec![1.0 + 3.0 * a, 2.0 + b, 3.0 + 3.0 * a, 4.0];
-        let shapes = [shape(1.0, 1.0), shape(-1.0, 1.0), shape(1.0, -1.0), shape(-1.0, -1.0)];
+        let shapes = [
+            shape(1.0, 1.0),
+            shape(-1.0, 1.0),
+            shape(1.0, -1.0),
+            shape(-1.0, -1.0),
+        ];
         let found = components(&shapes, 2);
-        assert!(found.mean.iter().zip([1.0, 2.0, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(
+            found
+                .mean
+                .iter()
+                .zip([1.0, 2.0, 3.0, 4.0])
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
         let deviation = (4.0_f64 / 3.0).sqrt();
-        let expected = [[3.0 * deviation, 0.0, 3.0 * deviation, 0.0], [0.0, deviation, 0.0, 0.0]];
+        let expected = [
+            [3.0 * deviation, 0.0, 3.0 * deviation, 0.0],
+            [0.0, deviation, 0.0, 0.0],
+        ];
         for (mode, expected) in found.modes.iter().zip(expected) {
-            assert!(mode.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{mode:?}");
+            assert!(
+                mode.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
+                "{mode:?}"
+            );
         }
         assert!((found.explained[0] - 18.0 / 19.0).abs() < 1e-12 && (found.explained[1] - 1.0).abs() < 1e-12);
     }
@@ -75,7 +103,11 @@ mod tests {
     #[test]
     fn all_components_reproduce_every_shape() {
         let shapes: Vec<Vec<f64>> = (0..5)
-            .map(|m| (0..9).map(|i| f64::from((m * 31 + i * 17 + m * i * 5) % 23)).collect())
+            .map(|m| {
+                (0..9)
+                    .map(|i| f64::from((m * 31 + i * 17 + m * i * 5) % 23))
+                    .collect()
+            })
             .collect();
         let found = components(&shapes, 99);
         assert_eq!(found.modes.len(), 4);

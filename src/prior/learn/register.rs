@@ -31,7 +31,11 @@ impl Template {
         let mut edges: Vec<[usize; 2]> = Vec::new();
         for (i, (point, normal)) in sample.points.iter().zip(&sample.normals).enumerate() {
             let near = tree.k_nearest(oriented(point, normal, NORMAL_WEIGHT), NEIGHBOURS + 1);
-            edges.extend(near.iter().filter(|n| n.index != i).map(|n| [i.min(n.index), i.max(n.index)]));
+            edges.extend(
+                near.iter()
+                    .filter(|n| n.index != i)
+                    .map(|n| [i.min(n.index), i.max(n.index)]),
+            );
         }
         edges.sort_unstable();
         edges.dedup();
@@ -48,8 +52,16 @@ impl Template {
             let progress = round as f64 / (ROUNDS - 1) as f64;
             let stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]).powf(progress);
             let (weights, goals) = self.goals(&current, shape, &whole, &targets);
-            let displacement: Vec<V3> = goals.iter().zip(&self.sample.points).map(|(g, m)| g - m).collect();
-            let mut moved: Vec<V3> = current.iter().zip(&self.sample.points).map(|(c, m)| c - m).collect();
+            let displacement: Vec<V3> = goals
+                .iter()
+                .zip(&self.sample.points)
+                .map(|(g, m)| g - m)
+                .collect();
+            let mut moved: Vec<V3> = current
+                .iter()
+                .zip(&self.sample.points)
+                .map(|(c, m)| c - m)
+                .collect();
             self.solve(&weights, &displacement, stiffness, &mut moved);
             for ((current, moved), rest) in current.iter_mut().zip(&moved).zip(&self.sample.points) {
                 *current = rest + moved;
@@ -126,7 +138,12 @@ impl Template {
 }
 
 fn tree(points: &[V3], normals: &[V3]) -> Neighbours<6> {
-    Neighbours::new(points.iter().zip(normals).map(|(p, n)| oriented(p, n, NORMAL_WEIGHT)))
+    Neighbours::new(
+        points
+            .iter()
+            .zip(normals)
+            .map(|(p, n)| oriented(p, n, NORMAL_WEIGHT)),
+    )
 }
 
 /// Carries `points` along with the coarse points: each moves by the Gaussian-weighted mean of the displacements
@@ -164,16 +181,26 @@ mod tests {
         let template = Template::new(from.select(&farthest_order_mirrored(&from.points, 1000)));
         let found = template.register(&template.sample.points, &onto);
         let to_surface = super::super::neighbours::tree_of(&onto.points);
-        let off: f64 = found.iter().map(|&p| to_surface.nearest(p.into()).unwrap().distance).sum::<f64>() / 1000.0;
+        let off: f64 = found
+            .iter()
+            .map(|&p| to_surface.nearest(p.into()).unwrap().distance)
+            .sum::<f64>()
+            / 1000.0;
         let covered = super::super::neighbours::tree_of(&found);
-        let left: f64 = onto.points.iter().map(|&p| covered.nearest(p.into()).unwrap().distance).sum::<f64>()
+        let left: f64 = onto
+            .points
+            .iter()
+            .map(|&p| covered.nearest(p.into()).unwrap().distance)
+            .sum::<f64>()
             / onto.points.len() as f64;
         assert!(off < 0.006 && left < 0.012, "{off} {left}");
     }
 
     #[test]
     fn a_translation_of_the_coarse_points_carries_all() {
-        let coarse: Vec<V3> = (0..50).map(|i| V3::new(f64::from(i % 7), f64::from(i / 7), 0.3)).collect();
+        let coarse: Vec<V3> = (0..50)
+            .map(|i| V3::new(f64::from(i % 7), f64::from(i / 7), 0.3))
+            .collect();
         let goal: Vec<V3> = coarse.iter().map(|c| c + V3::new(0.1, -0.2, 0.3)).collect();
         let carried = carry(&[V3::new(3.3, 2.2, 0.0)], &coarse, &goal);
         assert!((carried[0] - V3::new(3.4, 2.0, 0.3)).norm() < 1e-9);

@@ -11,7 +11,14 @@ pub fn cuboid(centre: Vector3<f64>, size: Vector3<f64>) -> Mesh {
             centre + (corner - Vector3::repeat(0.5)).component_mul(&size)
         })
         .collect();
-    let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let quads = [
+        [0, 1, 3, 2],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 3, 7, 5],
+    ];
     let triangles = quads
         .iter()
         .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
@@ -32,7 +39,10 @@ pub fn cuboid(centre: Vector3<f64>, size: Vector3<f64>) -> Mesh {
 pub fn toy_car(cabin_height: f64, cabin_z: f64, width: f64) -> Mesh {
     let mut mesh = cuboid(Vector3::zeros(), Vector3::new(width, 0.2, 1.0));
     let cabin = Vector3::new(width * 0.8, cabin_height, 0.4);
-    mesh.append(cuboid(Vector3::new(0.0, 0.1 + cabin_height / 2.0, cabin_z), cabin));
+    mesh.append(cuboid(
+        Vector3::new(0.0, 0.1 + cabin_height / 2.0, cabin_z),
+        cabin,
+    ));
     mesh.normalise();
     mesh
 }
