@@ -1,9 +1,339 @@
-//! `spba-ceres prior`.
+//! `spba-ceres prior`: learn, judge and show shape priors.
+
+use anyhow::{Context, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Deserialize;
+use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
+use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
+use spba_ceres::prior::{self, LinearPrior, PriorInfo, PriorSource};
+use std::path::{Path, PathBuf};
 
 /// Learn, show and judge shape priors.
 #[derive(clap::Args)]
-pub struct Args {}
+pub struct Args {
+    #[command(subcommand)]
+    verb: Verb,
+}
 
-pub fn run(_args: &Args) -> anyhow::Result<()> {
-    anyhow::bail!("not written yet")
+#[derive(clap::Subcommand)]
+enum Verb {
+    Learn(Learn),
+    Eval(Eval),
+    Show(Show),
+}
+
+/// Learn a linear prior from CAD models.
+#[derive(clap::Args)]
+struct Learn {
+    #[command(flatten)]
+    models: Models,
+    /// The .safetensors file to write.
+    #[arg(long)]
+    out: PathBuf,
+    /// S, the number of principal components.
+    #[arg(long, default_value_t = 16)]
+    styles: usize,
+    /// N, the number of points (even: mirrored pairs).
+    #[arg(long, default_value_t = LearnOptions::default().points)]
+    points: usize,
+}
+
+/// Leave-one-out Chamfer error: half of both mean nearest-neighbour distances, percent of the diagonal.
+#[derive(clap::Args)]
+struct Eval {
+    #[command(flatten)]
+    models: Models,
+    /// Numbers of components to try; 0 is the mean shape.
+    #[arg(long, value_delimiter = ',', default_value = "0,4,8,16,32")]
+    styles: Vec<usize>,
+    /// Points the reconstruction is compared at.
+    #[arg(long, default_value_t = 2048)]
+    points: usize,
+    /// Also print every held-out model's error with the most components.
+    #[arg(long)]
+    each: bool,
+}
+
+/// Draw the mean and each mode at −2σ and +2σ.
+#[derive(clap::Args)]
+struct Show {
+    /// A bundled prior's name (car) or a .safetensors file.
+    prior: String,
+    /// The PNG to write.
+    #[arg(long)]
+    out: PathBuf,
+    /// Draw only the first so many modes.
+    #[arg(long, default_value_t = usize::MAX, hide_default_value = true)]
+    modes: usize,
+}
+
+/// Which models to learn from, and how they are sampled and corresponded.
+#[derive(clap::Args)]
+struct Models {
+    /// TOML list of sources (see data/priors/car.toml).
+    #[arg(long)]
+    sources: PathBuf,
+    /// Surface samples drawn per model.
+    #[arg(long, default_value_t = SAMPLES)]
+    samples: usize,
+    /// Points of the coarse correspondences.
+    #[arg(long, default_value_t = LearnOptions::default().coarse_points)]
+    coarse_points: usize,
+    /// Rounds of assigning to the template and averaging.
+    #[arg(long, default_value_t = LearnOptions::default().passes)]
+    passes: usize,
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// The file behind `--sources`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SourceList {
+    category: String,
+    /// Sets of models so alike that `eval` holds them out together.
+    #[serde(default)]
+    near_duplicates: Vec<Vec<String>>,
+    source: Vec<SourceSpec>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.verb {
+        Verb::Learn(args) => learn(args),
+        Verb::Eval(args) => eval(args),
+        Verb::Show(args) => show(args),
+    }
+}
+
+fn learn(args: &Learn) -> anyhow::Result<()> {
+    let (list, models) = args.models.load()?;
+    let shapes = args.models.sample(&models, 1, 0);
+    let options = args.models.options(args.points);
+    let bar = Bar::new();
+    let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
+    let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, found.normals, args.styles)?;
+    if explained.len() < args.styles {
+        bail!(
+            "--styles {}: {} models give at most {}",
+            args.styles,
+            models.len(),
+            explained.len()
+        );
+    }
+    let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
+    licences.sort();
+    licences.dedup();
+    let info = PriorInfo {
+        command: args.command(),
+        seed: args.models.seed,
+        explained_variance: explained,
+        licences,
+        sources: models.iter().map(source_of).collect(),
+        ..PriorInfo::linear_mirrored(&list.category, args.styles, args.points)
+    };
+    prior::save(&args.out, &prior, &info)?;
+    bar.0.finish_and_clear();
+    println!(
+        "{}: {} models, {} points, {} styles, {:.1} % of the variance",
+        args.out.display(),
+        models.len(),
+        args.points,
+        args.styles,
+        100.0 * info.explained_variance.last().copied().unwrap_or(0.0)
+    );
+    Ok(())
+}
+
+impl Learn {
+    /// The command that repeats this, every option spelled out.
+    fn command(&self) -> String {
+        let m = &self.models;
+        format!(
+            "spba-ceres prior learn --sources {} --out {} --styles {} --points {} --samples {} --coarse-points {} --passes {} --seed {}",
+            file_name(&m.sources),
+            file_name(&self.out),
+            self.styles,
+            self.points,
+            m.samples,
+            m.coarse_points,
+            m.passes,
+            m.seed
+        )
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+fn source_of(model: &NamedModel) -> PriorSource {
+    PriorSource {
+        model: model.name.clone(),
+        package: model.source.clone(),
+        licence: model.licence.clone(),
+    }
+}
+
+fn eval(args: &Eval) -> anyhow::Result<()> {
+    let (list, models) = args.models.load()?;
+    let shapes = args.models.sample(&models, 1, 0);
+    // Another seed, since errors are measured on samples that were not learned from; and more of them, since the gaps
+    // between them add to the error.
+    let truth = args.models.sample(&models, 2, 1 << 32);
+    let truth: Vec<_> = truth.into_iter().map(|shape| shape.outside).collect();
+    let options = args.models.options(args.points.max(8192));
+    let bar = Bar::new();
+    let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
+    let groups = groups(&models, &list.near_duplicates)?;
+    let errors = prior::leave_one_out(&found, &truth, &groups, &args.styles, args.points)?;
+    bar.0.finish_and_clear();
+    println!(
+        "leave-one-out over {} models, {} points, % of the diagonal",
+        models.len(),
+        args.points
+    );
+    println!(
+        "{:>6}  {:>17}  {:>10}",
+        "styles", "by correspondence", "by Chamfer"
+    );
+    for row in &errors {
+        println!(
+            "{:>6}  {:>17.3}  {:>10.3}",
+            row.styles,
+            100.0 * row.by_correspondence,
+            100.0 * row.by_chamfer
+        );
+    }
+    let own: Vec<f64> = found
+        .shapes
+        .iter()
+        .zip(&truth)
+        .map(|(shape, truth)| prior::chamfer(&prior::points_of(shape, args.points), &truth.points))
+        .collect();
+    let floor = own.iter().sum::<f64>() / own.len() as f64;
+    println!(
+        "{:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
+        "-",
+        100.0 * floor
+    );
+    if args.each
+        && let Some(last) = errors.last()
+    {
+        println!("\n{:<32} {:>10} {:>10}", "model", "by Chamfer", "floor");
+        for ((model, error), own) in models.iter().zip(&last.each).zip(&own) {
+            println!("{:<32} {:>10.3} {:>10.3}", model.name, 100.0 * error, 100.0 * own);
+        }
+    }
+    Ok(())
+}
+
+/// A number per model, shared by near-duplicates.
+fn groups(models: &[NamedModel], duplicates: &[Vec<String>]) -> anyhow::Result<Vec<usize>> {
+    let place = |name: &String| {
+        models
+            .iter()
+            .position(|m| m.name == *name)
+            .with_context(|| format!("near_duplicates: no model is called `{name}`: correct or drop it"))
+    };
+    let mut groups: Vec<usize> = (0..models.len()).collect();
+    for set in duplicates {
+        let places = set.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
+        if let Some(&first) = places.first() {
+            places.iter().for_each(|&p| groups[p] = first);
+        }
+    }
+    Ok(groups)
+}
+
+fn show(args: &Show) -> anyhow::Result<()> {
+    let (prior, info) = prior::open(&args.prior)?;
+    let sheet = prior::contact_sheet(&prior, args.modes);
+    let bytes: Vec<u8> = sheet.data().iter().flatten().map(|&x| x as u8).collect();
+    let (width, height) = sheet.size();
+    image::save_buffer(
+        &args.out,
+        &bytes,
+        width as u32,
+        height as u32,
+        image::ColorType::Rgb8,
+    )
+    .with_context(|| format!("{}: cannot write the sheet", args.out.display()))?;
+    println!(
+        "{}: {}, {} points, {} styles",
+        info.category, info.frame, info.points, info.styles
+    );
+    println!(
+        "learned from {} models ({})",
+        info.sources.len(),
+        info.licences.join("; ")
+    );
+    println!("{}", info.command);
+    for (k, share) in info.explained_variance.iter().enumerate() {
+        print!(
+            "{}{}: {:.1} %",
+            if k == 0 { "variance explained by " } else { ", " },
+            k + 1,
+            100.0 * share
+        );
+    }
+    println!("\nwrote {}", args.out.display());
+    Ok(())
+}
+
+impl Models {
+    fn load(&self) -> anyhow::Result<(SourceList, Vec<NamedModel>)> {
+        let text = std::fs::read_to_string(&self.sources)
+            .with_context(|| format!("{}: cannot read the list of sources", self.sources.display()))?;
+        let list: SourceList = toml::from_str(&text)
+            .with_context(|| format!("{}: not a list of sources", self.sources.display()))?;
+        let mut models = Vec::new();
+        for source in &list.source {
+            models.extend(load_source(source)?);
+        }
+        Ok((list, models))
+    }
+
+    /// Draws `times` the usual number of samples.
+    fn sample(&self, models: &[NamedModel], times: usize, seed_offset: u64) -> Vec<TrainingShape> {
+        let bar = Bar::new();
+        let shape = |(index, model): (usize, &NamedModel)| {
+            bar.show(&Progress {
+                stage: "sampling",
+                done: index,
+                total: models.len(),
+            });
+            let seed = self.seed.wrapping_add(seed_offset).wrapping_add(index as u64);
+            TrainingShape::new(&model.name, &model.mesh, times * self.samples, seed)
+        };
+        let shapes = models.iter().enumerate().map(shape).collect();
+        bar.0.finish_and_clear();
+        shapes
+    }
+
+    fn options(&self, points: usize) -> LearnOptions {
+        LearnOptions {
+            points,
+            coarse_points: self.coarse_points,
+            passes: self.passes,
+        }
+    }
+}
+
+/// A progress bar on standard error.
+struct Bar(ProgressBar);
+
+impl Bar {
+    fn new() -> Self {
+        let style = ProgressStyle::with_template("{msg:14} {bar:40} {pos}/{len} {elapsed}");
+        Self(ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
+    }
+
+    fn show(&self, progress: &Progress) {
+        self.0.set_message(progress.stage);
+        self.0.set_length(progress.total as u64);
+        self.0.set_position(progress.done as u64);
+    }
 }

@@ -1,5 +1,17 @@
 //! Learned, category-specific shape priors: X = G(s).
 
+mod evaluate;
+mod file;
+mod glyphs;
+pub mod learn;
+mod linear;
+mod sheet;
+
+pub use evaluate::{FitError, chamfer, leave_one_out, points_of};
+pub use file::{PriorError, PriorInfo, PriorSource, Symmetry, find, load, open, save};
+pub use linear::{InvalidPrior, LinearPrior};
+pub use sheet::contact_sheet;
+
 /// A shape prior: style → N points in the object frame, and the derivative.
 ///
 /// Points are stored so that any prefix is an even sample of the surface (farthest-point order).
@@ -16,4 +28,11 @@ pub trait ShapePrior: Send + Sync {
 
     /// ∂X/∂s at `style`: fills `jacobian` (rows x0 y0 z0 x1 …, S columns, row-major), for the same prefix.
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]);
+
+    /// N outward unit normals of the mean shape.
+    fn normals(&self) -> &[[f32; 3]];
+
+    /// How far apart the first `point_count` points lie on the mean shape: the median distance to the nearest
+    /// other point, object units. 0 below two points.
+    fn sample_spacing(&self, point_count: usize) -> f64;
 }

@@ -1,0 +1,345 @@
+//! The prior's file: safetensors with `mean` \[N, 3\] f32, `basis` \[S, N, 3\] f16, `normals` \[N, 3\] f16, and
+//! one metadata entry `spba_prior` holding [`PriorInfo`] as JSON. With `symmetry = "mirror_x"` the tensors hold every other
+//! point, and point 2i + 1 is point 2i reflected in x = 0.
+
+use super::LinearPrior;
+use super::linear::InvalidPrior;
+use half::f16;
+use safetensors::tensor::{Dtype, TensorView};
+use safetensors::{SafeTensors, serialize};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The schema this build reads and writes.
+const SCHEMA: u32 = 1;
+const METADATA_KEY: &str = "spba_prior";
+/// Priors that ship inside the library.
+const BUNDLED: [(&str, &[u8]); 1] = [("car", include_bytes!("../../data/priors/car.safetensors"))];
+
+/// What a prior file says of itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PriorInfo {
+    /// The layout's version.
+    pub schema: u32,
+    /// `linear`.
+    pub kind: String,
+    /// `car`, `chair` …
+    pub category: String,
+    /// The object frame in words.
+    pub frame: String,
+    pub symmetry: Symmetry,
+    /// S.
+    pub styles: usize,
+    /// N.
+    pub points: usize,
+    /// The command that learned it.
+    pub command: String,
+    pub seed: u64,
+    /// Share of the training variance that the first k + 1 modes explain.
+    pub explained_variance: Vec<f64>,
+    /// The licences of the sources, each once.
+    pub licences: Vec<String>,
+    /// The models learned from.
+    pub sources: Vec<PriorSource>,
+}
+
+/// One model that a prior was learned from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PriorSource {
+    pub model: String,
+    /// The package it comes from.
+    pub package: String,
+    pub licence: String,
+}
+
+/// How the file's points become the prior's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Symmetry {
+    None,
+    /// Point 2i + 1 is point 2i reflected in x = 0, for every style.
+    MirrorX,
+}
+
+/// Why a prior file cannot be used or written; each message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum PriorError {
+    #[error("{}: cannot read the prior: {source}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("{}: cannot write the prior: {source}", path.display())]
+    Write {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error(
+        "prior `{name}` is neither bundled ({bundled}) nor a file: give one of those names or a path to a .safetensors file"
+    )]
+    Unknown { name: String, bundled: String },
+    #[error("{}: not a whole safetensors file ({reason}): download or learn it again", path.display())]
+    NotSafetensors { path: PathBuf, reason: String },
+    #[error("{}: not a shape prior (metadata `{METADATA_KEY}` {reason}): make one with `spba-ceres prior learn`", path.display())]
+    Metadata { path: PathBuf, reason: String },
+    #[error("{}: prior schema {found}, this build reads {SCHEMA}: learn the prior again with this version", path.display())]
+    Version { path: PathBuf, found: u64 },
+    #[error("{}: tensor `{tensor}` {reason}: learn the prior again", path.display())]
+    Tensor {
+        path: PathBuf,
+        tensor: &'static str,
+        reason: String,
+    },
+    #[error("{}: {source}: learn the prior again", path.display())]
+    Invalid {
+        path: PathBuf,
+        #[source]
+        source: InvalidPrior,
+    },
+    #[error("the prior is not symmetric in x = 0 at point {0}, though its description says so")]
+    NotSymmetric(usize),
+}
+
+/// A bundled prior by its category (`car`), or the file that `name_or_path` points to.
+pub fn find(name_or_path: &str) -> Result<LinearPrior, PriorError> {
+    open(name_or_path).map(|(prior, _)| prior)
+}
+
+/// Reads and checks a prior file.
+pub fn load(path: &Path) -> Result<LinearPrior, PriorError> {
+    open_file(path).map(|(prior, _)| prior)
+}
+
+/// Like [`find`], with what the file says of itself.
+pub fn open(name_or_path: &str) -> Result<(LinearPrior, PriorInfo), PriorError> {
+    if let Some((name, bytes)) = BUNDLED.iter().find(|(name, _)| *name == name_or_path) {
+        return parse(bytes, Path::new(name));
+    }
+    let path = Path::new(name_or_path);
+    if !path.exists() && path.components().count() == 1 && path.extension().is_none() {
+        let bundled = BUNDLED.map(|(name, _)| name).join(", ");
+        return Err(PriorError::Unknown {
+            name: name_or_path.to_owned(),
+            bundled,
+        });
+    }
+    open_file(path)
+}
+
+fn open_file(path: &Path) -> Result<(LinearPrior, PriorInfo), PriorError> {
+    let bytes = std::fs::read(path).map_err(|source| PriorError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    parse(&bytes, path)
+}
+
+/// Writes `prior` beside `path`, then renames. The same prior and description give the same bytes.
+pub fn save(path: &Path, prior: &LinearPrior, info: &PriorInfo) -> Result<(), PriorError> {
+    let write = |source| PriorError::Write {
+        path: path.to_owned(),
+        source,
+    };
+    let bytes = to_bytes(prior, info)?;
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".partial");
+    std::fs::write(&beside, bytes).map_err(write)?;
+    std::fs::rename(&beside, path).map_err(write)?;
+    Ok(())
+}
+
+fn to_bytes(prior: &LinearPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError> {
+    let stride = match info.symmetry {
+        Symmetry::None => 1,
+        Symmetry::MirrorX => 2,
+    };
+    let (mean, basis, styles) = (prior.mean(), prior.basis(), info.styles);
+    if info.symmetry == Symmetry::MirrorX {
+        check_mirrored(mean, 1)?;
+        check_mirrored(basis, styles)?;
+    }
+    let kept: Vec<usize> = (0..mean.len())
+        .filter(|row| (row / 3).is_multiple_of(stride))
+        .collect();
+    let mean: Vec<u8> = kept
+        .iter()
+        .flat_map(|&row| (mean[row] as f32).to_le_bytes())
+        .collect();
+    let normals: Vec<u8> = super::ShapePrior::normals(prior)
+        .iter()
+        .step_by(stride)
+        .flatten()
+        .flat_map(|&x| f16::from_f32(x).to_le_bytes())
+        .collect();
+    let basis: Vec<u8> = (0..styles)
+        .flat_map(|k| kept.iter().map(move |&row| basis[row * styles + k]))
+        .flat_map(|x| f16::from_f64(x).to_le_bytes())
+        .collect();
+    let count = kept.len() / 3;
+    let invalid = |reason: String| PriorError::Tensor {
+        path: PathBuf::new(),
+        tensor: "basis",
+        reason,
+    };
+    let view = |dtype, shape, data| TensorView::new(dtype, shape, data).map_err(|e| invalid(e.to_string()));
+    let tensors = [
+        ("mean", view(Dtype::F32, vec![count, 3], &mean)?),
+        ("basis", view(Dtype::F16, vec![styles, count, 3], &basis)?),
+        ("normals", view(Dtype::F16, vec![count, 3], &normals)?),
+    ];
+    let json = serde_json::to_string(info).map_err(|e| invalid(e.to_string()))?;
+    serialize(tensors, Some([(METADATA_KEY.to_owned(), json)].into())).map_err(|e| invalid(e.to_string()))
+}
+
+/// Every odd point is the mirror image of the one before it; `columns` numbers per coordinate.
+fn check_mirrored(rows: &[f64], columns: usize) -> Result<(), PriorError> {
+    for (pair, both) in rows.chunks(6 * columns).enumerate() {
+        let (even, odd) = both.split_at(both.len() / 2);
+        let mirrored = even.len() == odd.len()
+            && even
+                .iter()
+                .zip(odd)
+                .enumerate()
+                .all(|(i, (a, b))| *a == if i < columns { -b } else { *b });
+        if !mirrored {
+            return Err(PriorError::NotSymmetric(2 * pair + 1));
+        }
+    }
+    Ok(())
+}
+
+fn parse(bytes: &[u8], path: &Path) -> Result<(LinearPrior, PriorInfo), PriorError> {
+    let broken = |reason: String| PriorError::NotSafetensors {
+        path: path.to_owned(),
+        reason,
+    };
+    let file = SafeTensors::deserialize(bytes).map_err(|e| broken(e.to_string()))?;
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| broken(e.to_string()))?;
+    let info = info(header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY)), path)?;
+    let mirrored = info.symmetry == Symmetry::MirrorX;
+    let count = if mirrored { info.points / 2 } else { info.points };
+    let tensor = |name, shape: &[usize], dtype| numbers(&file, path, name, shape, dtype);
+    let mean = tensor("mean", &[count, 3], Dtype::F32)?;
+    let modes = tensor("basis", &[info.styles, count, 3], Dtype::F16)?;
+    let normals = tensor("normals", &[count, 3], Dtype::F16)?;
+    let expand = |values: &[f64]| -> Vec<f64> {
+        values
+            .chunks_exact(3)
+            .flat_map(|p| {
+                let image = [-p[0], p[1], p[2]];
+                [p[0], p[1], p[2]]
+                    .into_iter()
+                    .chain(image.into_iter().take(if mirrored { 3 } else { 0 }))
+            })
+            .collect()
+    };
+    let mean = expand(&mean);
+    let modes = expand(&modes);
+    let basis = (0..mean.len())
+        .flat_map(|row| modes.iter().skip(row).step_by(mean.len()).copied())
+        .collect();
+    let normals = expand(&normals)
+        .chunks_exact(3)
+        .map(|n| [n[0] as f32, n[1] as f32, n[2] as f32])
+        .collect();
+    let prior =
+        LinearPrior::new(mean, basis, info.styles, normals).map_err(|source| PriorError::Invalid {
+            path: path.to_owned(),
+            source,
+        })?;
+    Ok((prior, info))
+}
+
+/// The version is looked at before the rest, so that a newer file is called newer and not broken.
+fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
+    let wrong = |reason: String| PriorError::Metadata {
+        path: path.to_owned(),
+        reason,
+    };
+    let json = json.ok_or_else(|| wrong("is missing".to_owned()))?;
+    let value: serde_json::Value =
+        serde_json::from_str(json).map_err(|e| wrong(format!("is no JSON: {e}")))?;
+    match value.get("schema").and_then(serde_json::Value::as_u64) {
+        Some(found) if found == u64::from(SCHEMA) => {}
+        Some(found) => {
+            return Err(PriorError::Version {
+                path: path.to_owned(),
+                found,
+            });
+        }
+        None => return Err(wrong("has no schema number".to_owned())),
+    }
+    let info: PriorInfo = serde_json::from_value(value).map_err(|e| wrong(format!("is wrong: {e}")))?;
+    if info.kind != "linear" {
+        return Err(wrong(format!("has kind `{}`, only `linear` is known", info.kind)));
+    }
+    if info.symmetry == Symmetry::MirrorX && !info.points.is_multiple_of(2) {
+        return Err(wrong(format!(
+            "has symmetry mirror_x and an odd number of points, {}",
+            info.points
+        )));
+    }
+    Ok(info)
+}
+
+fn numbers(
+    file: &SafeTensors,
+    path: &Path,
+    name: &'static str,
+    shape: &[usize],
+    dtype: Dtype,
+) -> Result<Vec<f64>, PriorError> {
+    let wrong = |reason: String| PriorError::Tensor {
+        path: path.to_owned(),
+        tensor: name,
+        reason,
+    };
+    let view = file.tensor(name).map_err(|_| wrong("is missing".to_owned()))?;
+    if view.shape() != shape || view.dtype() != dtype {
+        let (found, found_dtype) = (view.shape(), view.dtype());
+        return Err(wrong(format!(
+            "is {found_dtype} {found:?}, {dtype} {shape:?} expected"
+        )));
+    }
+    let values: Vec<f64> = match dtype {
+        Dtype::F32 => chunks(view.data())
+            .map(|b| f64::from(f32::from_le_bytes(b)))
+            .collect(),
+        _ => chunks(view.data())
+            .map(|b| f16::from_le_bytes(b).to_f64())
+            .collect(),
+    };
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(wrong(format!("holds {} at index {index}", values[index]))),
+        None => Ok(values),
+    }
+}
+
+fn chunks<const B: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; B]> + '_ {
+    bytes.as_chunks::<B>().0.iter().copied()
+}
+
+impl PriorInfo {
+    /// The description of a linear prior of this version in the canonical frame, mirrored.
+    pub fn linear_mirrored(category: &str, styles: usize, points: usize) -> Self {
+        Self {
+            schema: SCHEMA,
+            kind: "linear".to_owned(),
+            category: category.to_owned(),
+            frame: "+Y up, -Z front, bounding-box diagonal 1, centred at the origin".to_owned(),
+            symmetry: Symmetry::MirrorX,
+            styles,
+            points,
+            command: String::new(),
+            seed: 0,
+            explained_variance: Vec::new(),
+            licences: Vec::new(),
+            sources: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,219 @@
+//! The linear prior: X(s) = mean + Σ s_k σ_k mode_k, the standard deviations folded into the basis.
+
+use super::ShapePrior;
+use super::learn::tree_of;
+use nalgebra::Vector3;
+
+/// A mean shape and S modes over N points, object frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearPrior {
+    /// 3N entries, xyz after xyz.
+    mean: Vec<f64>,
+    /// 3N rows of S entries, row-major: ∂X/∂s.
+    basis: Vec<f64>,
+    style_len: usize,
+    normals: Vec<[f32; 3]>,
+}
+
+/// Why arrays do not make a linear prior.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum InvalidPrior {
+    #[error("{what} holds {found} numbers, {expected} expected")]
+    Length {
+        what: &'static str,
+        found: usize,
+        expected: usize,
+    },
+    #[error("there are no points")]
+    Empty,
+    #[error("{what} holds a number that is not finite, at index {index}")]
+    NotFinite { what: &'static str, index: usize },
+    #[error("normal {0} is not of unit length")]
+    NotUnit(usize),
+}
+
+impl LinearPrior {
+    /// `mean` has 3N entries, `basis` 3N rows of `style_len`, `normals` N; points in farthest-point order.
+    pub fn new(
+        mean: Vec<f64>,
+        basis: Vec<f64>,
+        style_len: usize,
+        normals: Vec<[f32; 3]>,
+    ) -> Result<Self, InvalidPrior> {
+        let length = |what, found, expected| {
+            if found == expected {
+                Ok(())
+            } else {
+                Err(InvalidPrior::Length {
+                    what,
+                    found,
+                    expected,
+                })
+            }
+        };
+        if mean.is_empty() {
+            return Err(InvalidPrior::Empty);
+        }
+        length("the mean", mean.len(), mean.len() / 3 * 3)?;
+        length("the basis", basis.len(), mean.len() * style_len)?;
+        length("the normals", normals.len(), mean.len() / 3)?;
+        for (what, values) in [("the mean", &mean), ("the basis", &basis)] {
+            if let Some(index) = values.iter().position(|x| !x.is_finite()) {
+                return Err(InvalidPrior::NotFinite { what, index });
+            }
+        }
+        let unit = |n: &[f32; 3]| (Vector3::from(*n).norm() - 1.0).abs() < 0.02;
+        if let Some(index) = normals.iter().position(|n| !unit(n)) {
+            return Err(InvalidPrior::NotUnit(index));
+        }
+        Ok(Self {
+            mean,
+            basis,
+            style_len,
+            normals,
+        })
+    }
+
+    /// The prior of `shapes`' first `style_len` principal components (fewer where there are fewer shapes), and
+    /// the share of the variance explained by the first k + 1 of them.
+    pub fn from_correspondences(
+        shapes: &[Vec<f64>],
+        normals: Vec<[f32; 3]>,
+        style_len: usize,
+    ) -> Result<(Self, Vec<f64>), InvalidPrior> {
+        let found = super::learn::components(shapes, style_len);
+        let style_len = found.modes.len();
+        let basis = (0..found.mean.len())
+            .flat_map(|row| found.modes.iter().map(move |mode| mode[row]))
+            .collect();
+        Ok((Self::new(found.mean, basis, style_len, normals)?, found.explained))
+    }
+
+    /// X(0), 3N entries.
+    pub fn mean(&self) -> &[f64] {
+        &self.mean
+    }
+
+    /// ∂X/∂s, 3N rows of S entries, row-major.
+    pub fn basis(&self) -> &[f64] {
+        &self.basis
+    }
+
+    /// X(s) of all N points.
+    pub fn shape(&self, style: &[f64]) -> Vec<Vector3<f64>> {
+        let mut points = vec![0.0; self.mean.len()];
+        self.points(style, &mut points);
+        points.chunks_exact(3).map(Vector3::from_column_slice).collect()
+    }
+}
+
+impl ShapePrior for LinearPrior {
+    fn style_len(&self) -> usize {
+        self.style_len
+    }
+
+    fn point_count(&self) -> usize {
+        self.normals.len()
+    }
+
+    fn points(&self, style: &[f64], points: &mut [f64]) {
+        debug_assert!(style.len() == self.style_len && points.len() <= self.mean.len());
+        if self.style_len == 0 {
+            points.copy_from_slice(&self.mean[..points.len()]);
+            return;
+        }
+        let rows = self.basis.chunks_exact(self.style_len);
+        for ((out, mean), row) in points.iter_mut().zip(&self.mean).zip(rows) {
+            *out = mean + row.iter().zip(style).map(|(b, s)| b * s).sum::<f64>();
+        }
+    }
+
+    fn jacobian(&self, _style: &[f64], jacobian: &mut [f64]) {
+        jacobian.copy_from_slice(&self.basis[..jacobian.len()]);
+    }
+
+    fn normals(&self) -> &[[f32; 3]] {
+        &self.normals
+    }
+
+    fn sample_spacing(&self, point_count: usize) -> f64 {
+        let points: Vec<Vector3<f64>> = self
+            .mean
+            .chunks_exact(3)
+            .take(point_count)
+            .map(Vector3::from_column_slice)
+            .collect();
+        let tree = tree_of(&points);
+        let mut nearest: Vec<f64> = points
+            .iter()
+            .filter_map(|&p| tree.k_nearest(p.into(), 2).get(1).map(|n| n.distance))
+            .collect();
+        nearest.sort_by(f64::total_cmp);
+        nearest.get(nearest.len() / 2).copied().unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Four points on a unit grid, two modes.
+    pub(crate) fn small() -> LinearPrior {
+        let mean = vec![0.5, 0.0, 0.0, -0.5, 0.0, 0.0, 0.5, 0.5, 0.0, -0.5, 0.5, 0.0];
+        let basis = (0..24).map(|i| f64::from(i) / 64.0).collect();
+        LinearPrior::new(mean, basis, 2, vec![[0.0, 0.0, -1.0]; 4]).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn the_jacobian_is_the_derivative(a in -2.0..2.0f64, b in -2.0..2.0f64, count in 1..5usize) {
+            let prior = small();
+            let (mut at, mut moved) = (vec![0.0; 3 * count], vec![0.0; 3 * count]);
+            let mut jacobian = vec![0.0; 6 * count];
+            prior.points(&[a, b], &mut at);
+            prior.jacobian(&[a, b], &mut jacobian);
+            for k in 0..2 {
+                let mut style = [a, b];
+                style[k] += 1e-3;
+                prior.points(&style, &mut moved);
+                for i in 0..3 * count {
+                    prop_assert!(((moved[i] - at[i]) / 1e-3 - jacobian[2 * i + k]).abs() < 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_short_slice_gets_a_prefix_of_the_mean() {
+        let mut points = [0.0; 6];
+        small().points(&[0.0, 0.0], &mut points);
+        assert_eq!(points, [0.5, 0.0, 0.0, -0.5, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn spacing_is_the_grid_s() {
+        assert!((small().sample_spacing(2) - 1.0).abs() < 1e-6);
+        assert!((small().sample_spacing(4) - 0.5).abs() < 1e-6);
+        assert_eq!(small().sample_spacing(1), 0.0);
+    }
+
+    #[test]
+    fn arrays_that_do_not_fit_are_refused() {
+        let normals = || vec![[0.0, 1.0, 0.0]];
+        let refused = |mean: Vec<f64>, basis: Vec<f64>, normals| {
+            LinearPrior::new(mean, basis, 1, normals).unwrap_err().to_string()
+        };
+        assert!(refused(vec![], vec![], vec![]).contains("no points"));
+        assert!(refused(vec![0.0; 3], vec![0.0; 4], normals()).contains("basis holds 4"));
+        assert!(refused(vec![0.0; 3], vec![0.0; 3], vec![]).contains("normals holds 0"));
+        assert!(refused(vec![0.0, f64::NAN, 0.0], vec![0.0; 3], normals()).contains("index 1"));
+        assert!(refused(vec![0.0; 3], vec![0.0; 3], vec![[0.0; 3]]).contains("unit"));
+    }
+
+    #[test]
+    fn without_modes_there_is_the_mean() {
+        let prior = LinearPrior::new(vec![1.0, 2.0, 3.0], vec![], 0, vec![[0.0, 1.0, 0.0]]).unwrap();
+        assert_eq!(prior.shape(&[]), [Vector3::new(1.0, 2.0, 3.0)]);
+    }
+}
