@@ -1,31 +1,78 @@
-//! Compiles the C++ side: the Ceres problem, and with the feature `vision` what calls OpenCV.
+//! Compiles our C++ and links what it needs: Ceres for the solver, OpenCV with the feature `vision`.
 
-fn main() {
-    build_solver();
+use std::error::Error;
+use std::path::PathBuf;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=build.rs");
+    build_solver()?;
+    if std::env::var_os("CARGO_FEATURE_VISION").is_some() {
+        build_vision()?;
+    }
+    Ok(())
 }
 
-
-fn build_solver() {
+fn build_solver() -> Result<(), Box<dyn Error>> {
     let eigen = pkg_config::Config::new()
         .cargo_metadata(false)
         .probe("eigen3")
-        .unwrap_or_else(|error| panic!("Eigen is missing; apt-get install libeigen3-dev: {error}"));
-    let mut build = cxx_build::bridge("src/bridge/ceres.rs");
+        .map_err(|error| format!("Eigen is needed (Debian: libeigen3-dev): {error}"))?;
+    let sources =
+        ["nearest", "state", "objective", "problem", "solve"].map(|name| format!("cpp/src/{name}.cc"));
+    compile(
+        "src/bridge/ceres.rs",
+        &sources,
+        &eigen.include_paths,
+        "spba_ceres_cpp",
+    )?;
+    for library in ["ceres", "glog"] {
+        println!("cargo:rustc-link-lib={library}");
+    }
+    println!("cargo:rerun-if-changed=cpp/src");
+    println!("cargo:rerun-if-changed=cpp/include");
+    Ok(())
+}
+
+/// OpenCV's core and imgproc only: `pkg-config --libs opencv4` would link every module it has.
+fn build_vision() -> Result<(), Box<dyn Error>> {
+    let opencv = pkg_config::Config::new()
+        .cargo_metadata(false)
+        .atleast_version("4.5")
+        .probe("opencv4")
+        .map_err(|error| {
+            format!("OpenCV is needed (Debian: libopencv-dev), or --no-default-features: {error}")
+        })?;
+    compile(
+        "src/bridge/vision.rs",
+        &["cpp/vision/remap.cc".to_owned()],
+        &opencv.include_paths,
+        "spba_vision",
+    )?;
+    for path in &opencv.link_paths {
+        println!("cargo:rustc-link-search=native={}", path.display());
+    }
+    for library in ["opencv_imgproc", "opencv_core"] {
+        println!("cargo:rustc-link-lib={library}");
+    }
+    println!("cargo:rerun-if-changed=cpp/vision");
+    Ok(())
+}
+
+/// One bridge and its C++ into one static library; warnings are errors, except in the libraries' headers.
+fn compile(bridge: &str, sources: &[String], includes: &[PathBuf], name: &str) -> Result<(), Box<dyn Error>> {
+    let mut build = cxx_build::bridge(bridge);
     build
-        .files(["cpp/src/nearest.cc", "cpp/src/state.cc", "cpp/src/objective.cc", "cpp/src/problem.cc", "cpp/src/solve.cc"])
+        .files(sources)
         .include("cpp/include")
         .include("cpp/src")
         .std("c++17")
         // An unoptimised Eigen is fifty times slower, in tests too.
         .opt_level(3)
-        .flag("-Wall")
-        .flag("-Wextra")
-        .flag("-Werror");
-    for path in eigen.include_paths {
+        .flags(["-Wall", "-Wextra", "-Werror"]);
+    for path in includes {
         build.flag(format!("-isystem{}", path.display()));
     }
-    build.compile("spba_ceres_cpp");
-    println!("cargo:rustc-link-lib=ceres");
-    println!("cargo:rustc-link-lib=glog");
-    println!("cargo:rerun-if-changed=cpp");
+    build.try_compile(name)?;
+    println!("cargo:rerun-if-changed={bridge}");
+    Ok(())
 }

@@ -49,13 +49,20 @@ pub struct InputOptions {
 
 impl Default for InputOptions {
     fn default() -> Self {
-        Self { depth: None, frames: "..".to_owned(), every: 1 }
+        Self {
+            depth: None,
+            frames: "..".to_owned(),
+            every: 1,
+        }
     }
 }
 
 impl InputOptions {
     pub fn load_options(&self) -> Result<LoadOptions, WindowError> {
-        Ok(LoadOptions { depth: self.depth.clone(), window: FrameWindow::parse(&self.frames, self.every)? })
+        Ok(LoadOptions {
+            depth: self.depth.clone(),
+            window: FrameWindow::parse(&self.frames, self.every)?,
+        })
     }
 }
 
@@ -71,8 +78,10 @@ pub enum ConfigError {
 impl Config {
     /// Reads a TOML file; unknown keys are errors.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         toml::from_str(&text).map_err(|error| ConfigError::Parse {
             path: path.to_owned(),
             message: crate::image::one_line(error.message()),

@@ -7,7 +7,10 @@ fn compile_and_run(source: &str) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("program");
-    let eigen = Command::new("pkg-config").args(["--cflags", "eigen3"]).output().unwrap();
+    let eigen = Command::new("pkg-config")
+        .args(["--cflags", "eigen3"])
+        .output()
+        .unwrap();
     let eigen = String::from_utf8(eigen.stdout).unwrap().replace("-I", "-isystem");
     let compiled = Command::new("c++")
         .args(["-std=c++17", "-O1", "-Wall", "-Wextra", "-Werror"])

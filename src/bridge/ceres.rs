@@ -3,7 +3,7 @@
 use crate::prior::ShapePrior;
 use std::sync::Arc;
 
-#[allow(unsafe_code, clippy::missing_safety_doc)]
+#[allow(clippy::missing_safety_doc)]
 #[cxx::bridge(namespace = "spba")]
 pub mod ffi {
     /// Sizes and weights of the whole problem.
@@ -203,7 +203,11 @@ impl PriorCallback {
 }
 
 fn finite(what: &str, values: &[f64]) -> Result<(), String> {
-    if values.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(format!("{what} are not all finite")) }
+    if values.iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err(format!("{what} are not all finite"))
+    }
 }
 
 /// A panic must not unwind into C++.

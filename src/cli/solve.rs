@@ -6,7 +6,9 @@ use clap::ValueEnum;
 use spba_ceres::config::Config;
 use spba_ceres::prior::{self, ShapePrior};
 use spba_ceres::report::{self, ReportInput, Surface};
-use spba_ceres::solver::{Minimiser, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius};
+use spba_ceres::solver::{
+    Minimiser, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius,
+};
 use spba_ceres::{init, sequence, solver};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -117,7 +119,10 @@ enum StrategyArg {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = effective_config(args)?;
     report::check_out(&args.out)?;
-    rayon::ThreadPoolBuilder::new().num_threads(config.threads).build_global().context("threads")?;
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(config.threads)
+        .build_global()
+        .context("threads")?;
 
     let began = Instant::now();
     let sequence = sequence::load(&args.input, &config.input.load_options()?)?;
@@ -130,12 +135,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
     let watch = progress::Watch::start()?;
-    let mut solution = solver::solve(&sequence, &prior, &starts, &config.objective, &config.solver, &|row| {
-        watch.see(row)
-    })?;
+    let mut solution = solver::solve(
+        &sequence,
+        &prior,
+        &starts,
+        &config.objective,
+        &config.solver,
+        &|row| watch.see(row),
+    )?;
     watch.finish();
     solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
-    solution.seconds.insert(1, ("initialise".to_owned(), initialising_seconds));
+    solution
+        .seconds
+        .insert(1, ("initialise".to_owned(), initialising_seconds));
 
     let surface = Surface::from_points(linear.shape(&solution.estimate.style));
     let written = report::write(
@@ -144,7 +156,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             solution: &solution,
             surface: &surface,
             input: &args.input.display().to_string(),
-            prior: &format!("{} {} (schema {})", prior_info.category, prior_info.kind, prior_info.schema),
+            prior: &format!(
+                "{} {} (schema {})",
+                prior_info.category, prior_info.kind, prior_info.schema
+            ),
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
         },
@@ -156,7 +171,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Flag over file over default.
 fn effective_config(args: &Args) -> anyhow::Result<Config> {
-    let mut config = args.config.as_deref().map(Config::load).transpose()?.unwrap_or_default();
+    let mut config = args
+        .config
+        .as_deref()
+        .map(Config::load)
+        .transpose()?
+        .unwrap_or_default();
     fn set<T: Clone>(target: &mut T, flag: &Option<T>) {
         if let Some(value) = flag {
             *target = value.clone();
@@ -171,11 +191,26 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     set(&mut config.input.every, &args.every);
     set(&mut config.init.hypotheses.count, &args.hypotheses);
     let objective = &mut config.objective;
-    set(&mut objective.photometric_weight, &args.objective.photometric_weight);
-    set(&mut objective.photometric_huber, &args.objective.photometric_huber);
-    set(&mut objective.silhouette_weight, &args.objective.silhouette_weight);
-    set(&mut objective.inverse_depth_weight, &args.objective.inverse_depth_weight);
-    set(&mut objective.inverse_depth_huber, &args.objective.inverse_depth_huber);
+    set(
+        &mut objective.photometric_weight,
+        &args.objective.photometric_weight,
+    );
+    set(
+        &mut objective.photometric_huber,
+        &args.objective.photometric_huber,
+    );
+    set(
+        &mut objective.silhouette_weight,
+        &args.objective.silhouette_weight,
+    );
+    set(
+        &mut objective.inverse_depth_weight,
+        &args.objective.inverse_depth_weight,
+    );
+    set(
+        &mut objective.inverse_depth_huber,
+        &args.objective.inverse_depth_huber,
+    );
     set(&mut objective.style_weight, &args.objective.style_weight);
     set(&mut objective.points, &args.objective.points);
     let solver = &mut config.solver;
@@ -191,10 +226,14 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     }
     match args.solver {
         Some(Method::Lm) if !matches!(solver.minimiser, Minimiser::Lm { .. }) => {
-            solver.minimiser = Minimiser::Lm { initial_trust_region_radius: default_trust_region_radius() };
+            solver.minimiser = Minimiser::Lm {
+                initial_trust_region_radius: default_trust_region_radius(),
+            };
         }
         Some(Method::Lbfgs) if !matches!(solver.minimiser, Minimiser::Lbfgs { .. }) => {
-            solver.minimiser = Minimiser::Lbfgs { rank: default_lbfgs_rank() };
+            solver.minimiser = Minimiser::Lbfgs {
+                rank: default_lbfgs_rank(),
+            };
         }
         _ => {}
     }
@@ -205,7 +244,13 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         (Minimiser::Lbfgs { .. }, Some(_), _) => {
             anyhow::bail!("--trust-region-radius: L-BFGS has no trust region; add --solver lm or drop it")
         }
-        (Minimiser::Lm { initial_trust_region_radius }, Some(radius), None) => {
+        (
+            Minimiser::Lm {
+                initial_trust_region_radius,
+            },
+            Some(radius),
+            None,
+        ) => {
             *initial_trust_region_radius = radius;
         }
         (Minimiser::Lbfgs { rank }, None, Some(wanted)) => *rank = wanted,
@@ -231,11 +276,17 @@ fn summarise(solution: &Solution, written: &report::Written) {
     );
     println!("silhouette IoU   {:.3}", result.silhouette_iou_mean);
     println!("density          {:.3}", result.density_mean);
-    let seconds: Vec<String> =
-        solution.seconds.iter().map(|(stage, seconds)| format!("{stage} {seconds:.1} s")).collect();
+    let seconds: Vec<String> = solution
+        .seconds
+        .iter()
+        .map(|(stage, seconds)| format!("{stage} {seconds:.1} s"))
+        .collect();
     println!("time             {}", seconds.join(", "));
     let folder = written.folder.display();
     println!("shape            {folder}/shape.ply");
     println!("cameras          {folder}/cameras.txt (TUM), {folder}/colmap/ (COLMAP), {folder}/result.json");
-    println!("pictures         {} (first), {folder}/overlay/", written.contact_sheet.display());
+    println!(
+        "pictures         {} (first), {folder}/overlay/",
+        written.contact_sheet.display()
+    );
 }

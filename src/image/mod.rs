@@ -7,6 +7,7 @@ mod files;
 mod grid;
 mod mask;
 mod pyramid;
+mod remap;
 
 pub use depth::{read_depth, write_depth};
 pub use distance::NearestPixel;
@@ -16,3 +17,4 @@ pub use grid::{DepthMap, Grid, Mask, RgbImage};
 pub use pyramid::{depth_pyramid, halve_depth, halve_image, halve_mask, mask_pyramid, pyramid};
 
 pub(crate) use files::one_line;
+pub(crate) use remap::PixelMap;

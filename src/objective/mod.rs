@@ -27,7 +27,12 @@ pub enum ObjectiveError {
     #[error("frame {0}: the mask is empty; give a mask in which the object is white")]
     EmptyMask(String),
     #[error("the estimate has {estimate} frames and {style} styles, the problem {frames} and {styles}")]
-    Shape { estimate: usize, style: usize, frames: usize, styles: usize },
+    Shape {
+        estimate: usize,
+        style: usize,
+        frames: usize,
+        styles: usize,
+    },
     #[error("the solver cannot go on: {0}")]
     Ceres(#[from] cxx::Exception),
 }
@@ -62,7 +67,9 @@ impl<'a> Objective<'a> {
         levels: usize,
         estimate: &Estimate,
     ) -> Result<Self, ObjectiveError> {
-        options.check().map_err(|(name, why)| ObjectiveError::Option(name, why))?;
+        options
+            .check()
+            .map_err(|(name, why)| ObjectiveError::Option(name, why))?;
         let frames = sequence.frames.len();
         if estimate.frame_count() != frames || estimate.style.len() != prior.style_len() {
             return Err(ObjectiveError::Shape {
@@ -91,14 +98,24 @@ impl<'a> Objective<'a> {
             problem,
             sequence,
             prior,
-            options: ObjectiveOptions { points, ..options.clone() },
-            pyramids: sequence.frames.iter().map(|f| pyramid(f.image.clone(), levels)).collect(),
+            options: ObjectiveOptions {
+                points,
+                ..options.clone()
+            },
+            pyramids: sequence
+                .frames
+                .iter()
+                .map(|f| pyramid(f.image.clone(), levels))
+                .collect(),
             alpha: estimate.alpha,
             input_unit: estimate.alpha,
             photometric_points: 0,
         };
         for (l, frame) in sequence.frames.iter().enumerate() {
-            objective.problem.pin_mut().set_camera(l, &camera(&frame.camera))?;
+            objective
+                .problem
+                .pin_mut()
+                .set_camera(l, &camera(&frame.camera))?;
             silhouette::add(objective.problem.pin_mut(), l, frame, &objective.options)?;
         }
         objective.set_level(0)?;
@@ -110,7 +127,9 @@ impl<'a> Objective<'a> {
     /// Samples the images at pyramid level `level` (0 = finest) from now on.
     pub fn set_level(&mut self, level: usize) -> Result<(), ObjectiveError> {
         for (l, frame) in self.sequence.frames.iter().enumerate() {
-            let Some(image) = self.pyramids[l].get(level) else { continue };
+            let Some(image) = self.pyramids[l].get(level) else {
+                continue;
+            };
             let scale = 0.5f64.powi(level as i32);
             self.problem.pin_mut().set_image(
                 l,
@@ -125,8 +144,11 @@ impl<'a> Objective<'a> {
 
     /// Moves to `estimate`; visibility stays as it was.
     pub fn set_estimate(&mut self, estimate: &Estimate) -> Result<(), ObjectiveError> {
-        let motion: Vec<f64> =
-            estimate.motion.iter().flat_map(|m| m.0.to_twist().iter().copied().collect::<Vec<_>>()).collect();
+        let motion: Vec<f64> = estimate
+            .motion
+            .iter()
+            .flat_map(|m| m.0.to_twist().iter().copied().collect::<Vec<_>>())
+            .collect();
         self.problem.pin_mut().set_variables(
             estimate.target_from_object.to_twist().as_slice(),
             &motion,
@@ -170,7 +192,9 @@ impl<'a> Objective<'a> {
         let estimate = self.estimate()?;
         let points = self.points()?;
         let surfels = Surfels::new(&points);
-        let poses: Vec<Pose> = (0..estimate.frame_count()).map(|l| estimate.camera_from_object(l)).collect();
+        let poses: Vec<Pose> = (0..estimate.frame_count())
+            .map(|l| estimate.camera_from_object(l))
+            .collect();
         let visible: Vec<Visibility> = self
             .sequence
             .frames
@@ -180,8 +204,13 @@ impl<'a> Objective<'a> {
                 visible_points(&points, &frame.camera, pose, frame.image.size(), Some(&surfels))
             })
             .collect();
-        let inside: Vec<Vec<bool>> =
-            self.sequence.frames.iter().zip(&poses).map(|(frame, pose)| inside_mask(&points, frame, pose)).collect();
+        let inside: Vec<Vec<bool>> = self
+            .sequence
+            .frames
+            .iter()
+            .zip(&poses)
+            .map(|(frame, pose)| inside_mask(&points, frame, pose))
+            .collect();
 
         self.photometric_points = 0;
         for (l, frame) in self.sequence.frames.iter().enumerate() {
@@ -192,7 +221,9 @@ impl<'a> Objective<'a> {
                 self.problem.pin_mut().set_photometric(l, &indices, &directions)?;
             }
             let (indices, inverse_depth) = inverse_depth_points(&visible[l], frame, self.input_unit);
-            self.problem.pin_mut().set_inverse_depth(l, &indices, &inverse_depth)?;
+            self.problem
+                .pin_mut()
+                .set_inverse_depth(l, &indices, &inverse_depth)?;
         }
         Ok(())
     }
@@ -220,7 +251,10 @@ impl<'a> Objective<'a> {
         options: &ffi::SolveOptions,
         on_iteration: &mut dyn FnMut(&ffi::Iteration) -> bool,
     ) -> Result<ffi::Summary, ObjectiveError> {
-        let summary = self.problem.pin_mut().solve(options, &mut Observer::new(on_iteration))?;
+        let summary = self
+            .problem
+            .pin_mut()
+            .solve(options, &mut Observer::new(on_iteration))?;
         // Twists may have wandered past π, where their derivative degrades; the same rotations, shorter.
         let estimate = self.estimate()?;
         self.set_estimate(&estimate)?;
@@ -246,7 +280,12 @@ fn limit(wanted: usize, all: usize) -> usize {
 }
 
 fn camera(camera: &Pinhole) -> ffi::Camera {
-    ffi::Camera { fx: camera.fx, fy: camera.fy, cx: camera.cx, cy: camera.cy }
+    ffi::Camera {
+        fx: camera.fx,
+        fy: camera.fy,
+        cx: camera.cx,
+        cy: camera.cy,
+    }
 }
 
 /// Per point: does it project into the frame's mask?
@@ -282,7 +321,9 @@ fn photometric_points(
 
 /// The points of Eq. 6 in one frame and d' at their pixels, in units in which α is about 1.
 fn inverse_depth_points(visible: &Visibility, frame: &Frame, input_unit: f64) -> (Vec<u32>, Vec<f64>) {
-    let Some(depth) = &frame.depth else { return Default::default() };
+    let Some(depth) = &frame.depth else {
+        return Default::default();
+    };
     visible
         .points
         .iter()

@@ -56,9 +56,10 @@ impl ObjectiveOptions {
                 return Err((name, "must be 0 or more"));
             }
         }
-        for (name, width) in
-            [("photometric_huber", self.photometric_huber), ("inverse_depth_huber", self.inverse_depth_huber)]
-        {
+        for (name, width) in [
+            ("photometric_huber", self.photometric_huber),
+            ("inverse_depth_huber", self.inverse_depth_huber),
+        ] {
             if !(width.is_finite() && width > 0.0) {
                 return Err((name, "must be more than 0"));
             }

@@ -13,8 +13,13 @@ pub(super) fn add(
     frame: &Frame,
     options: &ObjectiveOptions,
 ) -> Result<(), ObjectiveError> {
-    let lookup = NearestPixel::new(&frame.mask).ok_or_else(|| ObjectiveError::EmptyMask(frame.name.clone()))?;
-    let pixels: Vec<u32> = (0u32..).zip(frame.mask.data()).filter(|(_, inside)| **inside).map(|(i, _)| i).collect();
+    let lookup =
+        NearestPixel::new(&frame.mask).ok_or_else(|| ObjectiveError::EmptyMask(frame.name.clone()))?;
+    let pixels: Vec<u32> = (0u32..)
+        .zip(frame.mask.data())
+        .filter(|(_, inside)| **inside)
+        .map(|(i, _)| i)
+        .collect();
     let used = thinned(&pixels, limit(options.silhouette_pixels, pixels.len()));
     let points = limit(options.silhouette_points, options.points);
     let (grid_width, grid_height) = lookup.size();
@@ -38,7 +43,9 @@ pub(super) fn add(
 
 /// `count` of `all`, evenly spread over the list.
 fn thinned(all: &[u32], count: usize) -> Vec<u32> {
-    (0..count).map(|i| all[(2 * i + 1) * all.len() / (2 * count)]).collect()
+    (0..count)
+        .map(|i| all[(2 * i + 1) * all.len() / (2 * count)])
+        .collect()
 }
 
 /// Row-major indices of the mask's pixels that touch a pixel outside it or the image's border.
@@ -65,7 +72,9 @@ mod tests {
 
     #[test]
     fn the_boundary_of_a_block() {
-        let mask = Mask::from_fn(6, 5, |column, row| (1..5).contains(&column) && (1..4).contains(&row));
+        let mask = Mask::from_fn(6, 5, |column, row| {
+            (1..5).contains(&column) && (1..4).contains(&row)
+        });
         let inner = [(2, 2), (3, 2)];
         let expected: Vec<u32> = (0..30u32)
             .filter(|i| {

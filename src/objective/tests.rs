@@ -63,7 +63,12 @@ impl ShapePrior for Blob {
 /// Frames with smooth, unrelated images, a disc for a mask and a tilted plane for depth.
 fn sequence(frames: usize) -> Sequence {
     let (width, height) = (96, 80);
-    let camera = Pinhole { fx: 120.0, fy: 118.0, cx: 47.0, cy: 41.0 };
+    let camera = Pinhole {
+        fx: 120.0,
+        fy: 118.0,
+        cx: 47.0,
+        cy: 41.0,
+    };
     let frames = (0..frames)
         .map(|l| Frame {
             name: format!("{l}"),
@@ -81,10 +86,16 @@ fn sequence(frames: usize) -> Sequence {
             camera,
             timestamp_s: None,
             camera_from_input: None,
-            depth: Some(crate::image::DepthMap::from_fn(width, height, |c, _| 2.5 + 0.01 * c as f32)),
+            depth: Some(crate::image::DepthMap::from_fn(width, height, |c, _| {
+                2.5 + 0.01 * c as f32
+            })),
         })
         .collect();
-    Sequence { name: "synthetic".into(), frames, truth: None }
+    Sequence {
+        name: "synthetic".into(),
+        frames,
+        truth: None,
+    }
 }
 
 fn estimate(frames: usize) -> Estimate {
@@ -95,7 +106,12 @@ fn estimate(frames: usize) -> Estimate {
     Estimate {
         target_from_object: twist([0.2, -0.4, 0.1], [0.02, -0.01, 1.6]),
         motion: (1..frames)
-            .map(|l| RelativePose(twist([0.01, 0.08 * l as f64, -0.02], [0.02 * l as f64, 0.01, 0.03])))
+            .map(|l| {
+                RelativePose(twist(
+                    [0.01, 0.08 * l as f64, -0.02],
+                    [0.02 * l as f64, 0.01, 0.03],
+                ))
+            })
             .collect(),
         style: vec![0.3, -0.7, 0.5, 1.1],
         alpha: 0.7,
@@ -118,7 +134,11 @@ fn numeric_gradient(objective: &mut Objective, at: &Estimate) -> Vec<f64> {
         let motion = 6..variables.len() - at.style.len();
         let problem = objective.problem.pin_mut();
         problem
-            .set_variables(&variables[..6], &variables[motion.clone()], &variables[motion.end..])
+            .set_variables(
+                &variables[..6],
+                &variables[motion.clone()],
+                &variables[motion.end..],
+            )
             .unwrap();
         objective.evaluate().unwrap().total
     };
@@ -142,7 +162,10 @@ fn assert_gradient(options: &ObjectiveOptions, at: &Estimate) {
     assert!(scale > 0.0, "a gradient that is zero proves nothing");
     for (i, (a, n)) in analytic.iter().zip(&numeric).enumerate() {
         // Differences of a sum near 1e7 with a step of 1e-6 carry about 1e-3 of rounding.
-        assert!((a - n).abs() < 1e-5 * scale + 1e-5 * n.abs(), "entry {i}: analytic {a}, numeric {n}");
+        assert!(
+            (a - n).abs() < 1e-5 * scale + 1e-5 * n.abs(),
+            "entry {i}: analytic {a}, numeric {n}"
+        );
     }
 }
 
@@ -174,7 +197,11 @@ fn the_whole_gradient_is_that_of_the_value() {
 
 #[test]
 fn the_gradient_holds_at_awkward_rotations() {
-    for omega in [[0.0, 0.0, 0.0], [0.0, std::f64::consts::PI - 1e-7, 0.0], [1e-9, 0.0, 0.0]] {
+    for omega in [
+        [0.0, 0.0, 0.0],
+        [0.0, std::f64::consts::PI - 1e-7, 0.0],
+        [1e-9, 0.0, 0.0],
+    ] {
         let mut at = estimate(2);
         at.target_from_object.rotation = Rotation3::from_scaled_axis(Vector3::from(omega));
         at.motion[0].0.rotation = Rotation3::identity();
@@ -184,8 +211,11 @@ fn the_gradient_holds_at_awkward_rotations() {
 
 #[test]
 fn small_huber_widths_are_differentiated_too() {
-    let options =
-        ObjectiveOptions { photometric_huber: 5.0, inverse_depth_huber: 0.01, ..Default::default() };
+    let options = ObjectiveOptions {
+        photometric_huber: 5.0,
+        inverse_depth_huber: 0.01,
+        ..Default::default()
+    };
     assert_gradient(&options, &estimate(3));
 }
 
@@ -206,7 +236,12 @@ fn the_silhouette_term_is_the_chamfer_distance() {
         let pose = at.camera_from_object(l);
         let projected: Vec<_> = points
             .chunks_exact(3)
-            .map(|x| frame.camera.project(&pose.transform(&Vector3::from_column_slice(x))).unwrap())
+            .map(|x| {
+                frame
+                    .camera
+                    .project(&pose.transform(&Vector3::from_column_slice(x)))
+                    .unwrap()
+            })
             .collect();
         let mut pixels = Vec::new();
         for r in 0..frame.mask.height() {
@@ -217,20 +252,28 @@ fn the_silhouette_term_is_the_chamfer_distance() {
             }
         }
         let nearest = |from: &nalgebra::Vector2<f64>, to: &[nalgebra::Vector2<f64>]| {
-            to.iter().map(|u| (u - from).norm_squared()).fold(f64::INFINITY, f64::min)
+            to.iter()
+                .map(|u| (u - from).norm_squared())
+                .fold(f64::INFINITY, f64::min)
         };
         chamfer += pixels.iter().map(|u| nearest(u, &projected)).sum::<f64>();
         chamfer += projected.iter().map(|u| nearest(u, &pixels)).sum::<f64>();
     }
     let expected = 0.1 * chamfer / 3.0;
     let value = objective.evaluate().unwrap().silhouette;
-    assert!((value - expected).abs() < 1e-9 * expected, "{value} against {expected}");
+    assert!(
+        (value - expected).abs() < 1e-9 * expected,
+        "{value} against {expected}"
+    );
 }
 
 /// Eq. 6 by hand: every visible point on a plane of known depth.
 #[test]
 fn the_inverse_depth_term_is_eq_6() {
-    let at = Estimate { alpha: 2.0, ..estimate(2) };
+    let at = Estimate {
+        alpha: 2.0,
+        ..estimate(2)
+    };
     let sequence = sequence(2);
     let mut objective = objective(&sequence, &only(|o| o.inverse_depth_weight = 1000.0), &at);
     objective.set_alpha(3.0).unwrap();
@@ -251,7 +294,10 @@ fn the_inverse_depth_term_is_eq_6() {
         }
     }
     let value = objective.evaluate().unwrap().inverse_depth;
-    assert!(expected > 1.0 && (value - expected).abs() < 1e-9 * expected, "{value} against {expected}");
+    assert!(
+        expected > 1.0 && (value - expected).abs() < 1e-9 * expected,
+        "{value} against {expected}"
+    );
 }
 
 #[test]

@@ -70,20 +70,26 @@ pub(super) fn descend(
             objective.update_visibility()?;
             let before = objective.evaluate()?.total;
             for &block in Block::of(options.strategy) {
-                let interrupted = call(objective, options, block, &mut descent, |iteration, evaluations, alpha| {
-                    progress.report(TraceRow {
-                        stage: format!("{stage}level-{level}"),
-                        step,
-                        block: block.name().to_owned(),
-                        iteration: iteration.number as usize,
-                        objective: iteration.terms.into(),
-                        gradient_norm: iteration.gradient_norm,
-                        alpha,
-                        residual_evaluations: evaluations.residual,
-                        jacobian_evaluations: evaluations.jacobian,
-                        seconds: progress.seconds(),
-                    })
-                })?;
+                let interrupted = call(
+                    objective,
+                    options,
+                    block,
+                    &mut descent,
+                    |iteration, evaluations, alpha| {
+                        progress.report(TraceRow {
+                            stage: format!("{stage}level-{level}"),
+                            step,
+                            block: block.name().to_owned(),
+                            iteration: iteration.number as usize,
+                            objective: iteration.terms.into(),
+                            gradient_norm: iteration.gradient_norm,
+                            alpha,
+                            residual_evaluations: evaluations.residual,
+                            jacobian_evaluations: evaluations.jacobian,
+                            seconds: progress.seconds(),
+                        })
+                    },
+                )?;
                 if interrupted {
                     descent.termination = Termination::Interrupted;
                     break 'levels;
@@ -91,7 +97,9 @@ pub(super) fn descend(
             }
             let after = objective.evaluate()?.total;
             let estimate = objective.estimate()?;
-            if let Some(alpha) = scale_from_motion(&estimate, camera_from_input, &mean_point(&objective.points()?)) {
+            if let Some(alpha) =
+                scale_from_motion(&estimate, camera_from_input, &mean_point(&objective.points()?))
+            {
                 objective.set_alpha(alpha)?;
             }
             if after < options.threshold {
@@ -120,7 +128,9 @@ fn call(
     mut on_iteration: impl FnMut(&ffi::Iteration, Evaluations, f64) -> bool,
 ) -> Result<bool, ObjectiveError> {
     let (line_search, lbfgs_rank, initial_trust_region_radius) = match options.minimiser {
-        Minimiser::Lm { initial_trust_region_radius } => (false, 1, initial_trust_region_radius),
+        Minimiser::Lm {
+            initial_trust_region_radius,
+        } => (false, 1, initial_trust_region_radius),
         Minimiser::Lbfgs { rank } => (true, rank, 1.0),
     };
     let alpha = objective.estimate()?.alpha;

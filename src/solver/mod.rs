@@ -50,15 +50,23 @@ pub fn solve(
     options: &SolverOptions,
     observer: &Observer,
 ) -> Result<Solution, SolveError> {
-    options.check().map_err(|(name, why)| SolveError::Option(name, why))?;
+    options
+        .check()
+        .map_err(|(name, why)| SolveError::Option(name, why))?;
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
     let began = Instant::now();
     let run = |start: &Estimate, options: &SolverOptions, levels: &[usize], stage: &str| {
         let mut objective =
             Objective::new(sequence, prior.clone(), objective_options, options.levels, start)?;
         let mut progress = Progress::new(observer, began);
-        let descent =
-            descend(&mut objective, &camera_from_input, options, levels.iter().copied(), stage, &mut progress)?;
+        let descent = descend(
+            &mut objective,
+            &camera_from_input,
+            options,
+            levels.iter().copied(),
+            stage,
+            &mut progress,
+        )?;
         Ok::<_, ObjectiveError>((descent, progress.into_trace(), objective.photometric_points()))
     };
 
@@ -96,10 +104,17 @@ pub fn solve(
         iterations: descent.iterations,
         termination: descent.termination,
         hypotheses,
-        trace: trials.into_iter().flat_map(|(_, trace, _)| trace).chain(trace).collect(),
+        trace: trials
+            .into_iter()
+            .flat_map(|(_, trace, _)| trace)
+            .chain(trace)
+            .collect(),
         seconds: vec![
             ("hypotheses".to_owned(), hypotheses_seconds),
-            ("solve".to_owned(), began.elapsed().as_secs_f64() - hypotheses_seconds),
+            (
+                "solve".to_owned(),
+                began.elapsed().as_secs_f64() - hypotheses_seconds,
+            ),
         ],
     })
 }

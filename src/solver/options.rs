@@ -59,7 +59,9 @@ pub struct SolverOptions {
 impl Default for SolverOptions {
     fn default() -> Self {
         Self {
-            minimiser: Minimiser::Lm { initial_trust_region_radius: default_trust_region_radius() },
+            minimiser: Minimiser::Lm {
+                initial_trust_region_radius: default_trust_region_radius(),
+            },
             strategy: Strategy::Joint,
             max_steps: 10,
             iterations_per_call: 20,
@@ -74,7 +76,9 @@ impl SolverOptions {
     /// The name of the first option that cannot be used, and why.
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
         match self.minimiser {
-            Minimiser::Lm { initial_trust_region_radius: radius } if !(radius.is_finite() && radius > 0.0) => {
+            Minimiser::Lm {
+                initial_trust_region_radius: radius,
+            } if !(radius.is_finite() && radius > 0.0) => {
                 return Err(("initial_trust_region_radius", "must be more than 0"));
             }
             Minimiser::Lbfgs { rank: 0 } => return Err(("rank", "must be 1 or more")),
@@ -90,7 +94,10 @@ impl SolverOptions {
             return Err(("levels", "must be 1 to 8"));
         }
         if !(self.threshold >= 0.0 && self.tolerance >= 0.0 && self.tolerance < 1.0) {
-            return Err(("threshold, tolerance", "must be 0 or more, the tolerance less than 1"));
+            return Err((
+                "threshold, tolerance",
+                "must be 0 or more, the tolerance less than 1",
+            ));
         }
         Ok(())
     }

@@ -15,7 +15,11 @@ pub(super) struct Progress<'a> {
 
 impl<'a> Progress<'a> {
     pub fn new(observer: &'a Observer<'a>, began: Instant) -> Self {
-        Self { observer, began, trace: Vec::new() }
+        Self {
+            observer,
+            began,
+            trace: Vec::new(),
+        }
     }
 
     /// Seconds since the solve began.
