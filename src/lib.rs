@@ -11,6 +11,7 @@
 //! - **Inverse depth** is 1 / z; depth maps store z, 0 = unknown.
 //! - **Images** are RGB in \[0, 255\], `f32`.
 
+pub(crate) mod bridge;
 pub mod cad;
 pub mod eval;
 pub mod geometry;

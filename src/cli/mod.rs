@@ -2,6 +2,7 @@
 
 mod eval;
 mod import;
+mod input;
 mod inspect;
 mod prior;
 mod render;

@@ -5,6 +5,7 @@ mod error;
 mod files;
 mod grid;
 mod mask;
+mod remap;
 
 pub use depth::{read_depth, write_depth};
 pub use error::ImageError;
@@ -12,3 +13,4 @@ pub use files::{read_mask, read_rgb, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
 
 pub(crate) use files::one_line;
+pub(crate) use remap::PixelMap;

@@ -2,7 +2,7 @@
 
 use super::distortion::Distortion;
 use super::error::SequenceError;
-use crate::geometry::{Pinhole, Pose};
+use crate::geometry::{Pinhole, Pose, Vector3};
 use std::path::{Path, PathBuf};
 
 /// The frames of an input in order, and what its reader noticed on the way.
@@ -39,6 +39,12 @@ pub(super) enum DepthSource {
     None,
     /// `depth/*.exr`, of the image's size.
     Exr(PathBuf),
+    /// COLMAP's `stereo/depth_maps/*.geometric.bin`.
+    ColmapMap(PathBuf),
+    /// openMVS's `depth*.dmap`, whose camera the reader has checked.
+    OpenMvsMap(PathBuf),
+    /// Reconstructed points seen by this frame, in its camera frame.
+    Points(Vec<Vector3<f64>>),
 }
 
 pub(super) struct FrameTruth {

@@ -2,7 +2,7 @@
 
 use super::assemble::{Parts, assemble};
 use super::draft::Draft;
-use super::{LoadOptions, Sequence, SequenceError, Truth, folder};
+use super::{LoadOptions, Sequence, SequenceError, Truth, colmap, folder, openmvs};
 use crate::geometry::Pinhole;
 use rayon::prelude::*;
 use std::path::Path;
@@ -16,9 +16,20 @@ pub struct Examination {
     pub frames: Vec<FrameExamination>,
     /// What a user should know but need not mend.
     pub notes: Vec<String>,
-    /// Every fault found; empty if and only if `sequence` is there.
+    /// Every fault found; empty if and only if the input is usable.
     pub problems: Vec<SequenceError>,
-    pub sequence: Option<Sequence>,
+    /// What could be read; complete if and only if there are no problems.
+    sequence: Sequence,
+}
+
+impl Examination {
+    /// The input itself, or the first of its faults.
+    pub fn into_sequence(self) -> Result<Sequence, SequenceError> {
+        match self.problems.into_iter().next() {
+            None => Ok(self.sequence),
+            Some(problem) => Err(problem),
+        }
+    }
 }
 
 /// What one frame holds; `None` where it could not be read.
@@ -74,22 +85,20 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
         problems.append(&mut part.problems);
         kept.extend(part.into_frame());
     }
-    let sequence = problems.is_empty().then(|| {
-        let (frames, truths): (Vec<_>, Vec<_>) = kept.into_iter().unzip();
-        let truth = truth_shape.map(|shape| {
-            let (camera_from_object, depth) = truths.into_iter().flatten().unzip();
-            Truth {
-                camera_from_object,
-                depth,
-                shape,
-            }
-        });
-        Sequence {
-            name: name.clone(),
-            frames,
-            truth,
+    let (frames, truths): (Vec<_>, Vec<_>) = kept.into_iter().unzip();
+    let truth = truth_shape.map(|shape| {
+        let (camera_from_object, depth) = truths.into_iter().flatten().unzip();
+        Truth {
+            camera_from_object,
+            depth,
+            shape,
         }
     });
+    let sequence = Sequence {
+        name: name.clone(),
+        frames,
+        truth,
+    };
     Ok(Examination {
         name,
         kind,
@@ -111,6 +120,12 @@ fn draft(input: &Path, options: &LoadOptions) -> Result<Draft, SequenceError> {
             ));
         }
         return folder::draft(input);
+    }
+    if colmap::recognises(input) {
+        return colmap::draft(input, options.depth.as_deref());
+    }
+    if openmvs::recognises(input) {
+        return openmvs::draft(input);
     }
     Err(SequenceError::NotRecognised(input.to_owned()))
 }

@@ -4,13 +4,23 @@
 //! the folder described in [`folder`].
 
 mod assemble;
+mod bytes;
+mod colmap;
 mod distortion;
 mod draft;
 mod error;
 mod examine;
+#[cfg(test)]
+#[path = "../../tests/fixture/mod.rs"]
+mod fixture;
 pub mod folder;
+mod openmvs;
 mod options;
+#[cfg(test)]
+mod tests;
+mod undistort;
 mod validate;
+mod workspace;
 
 pub use error::SequenceError;
 pub use examine::{Examination, FrameExamination, MaskSummary, examine};
@@ -63,9 +73,5 @@ pub fn load(input: &Path, options: &LoadOptions) -> Result<Sequence, SequenceErr
     for note in &examination.notes {
         tracing::info!("{}: {note}", input.display());
     }
-    match (examination.sequence, examination.problems.into_iter().next()) {
-        (Some(sequence), None) => Ok(sequence),
-        (_, Some(problem)) => Err(problem),
-        (None, None) => Err(SequenceError::NotRecognised(input.to_owned())),
-    }
+    examination.into_sequence()
 }
