@@ -1,9 +1,288 @@
-//! `spba-ceres eval`.
+//! `spba-ceres eval`: a result, or an input's own poses, against truth or against a turning platform.
 
-/// Measure a result against truth.
+use anyhow::{Context, bail};
+use serde::Serialize;
+use spba_ceres::eval::{
+    Estimated, MeanMax, Platform, TruthErrors, TurnErrors, against_truth, against_turn, align_to_truth,
+};
+use spba_ceres::geometry::Rotation3;
+use spba_ceres::report::{RunResult, file_stems, read_depth, read_shape};
+use spba_ceres::sequence::{LoadOptions, Sequence, load};
+use std::path::{Path, PathBuf};
+
+/// Measure a result against truth or a turning platform, side by side with the input's own poses.
+///
+/// PATH is a result folder, or a sequence whose off-the-shelf poses are to be measured.
 #[derive(clap::Args)]
-pub struct Args {}
+#[command(group(clap::ArgGroup::new("against").required(true).args(["truth", "turn"])))]
+pub struct Args {
+    /// Result folder of `solve`, or a sequence
+    path: PathBuf,
+    /// A sequence of ours with [truth]: errors of orientation, location, depth and shape, density and IoU. Its own
+    /// off-the-shelf poses, aligned by frame 0 and scale, stand beside the result's
+    #[arg(long, value_name = "SEQUENCE")]
+    truth: Option<PathBuf>,
+    /// What is known of a turning platform (turn.txt): every frame's rotation error
+    #[arg(long, value_name = "FILE", requires = "times")]
+    turn: Option<PathBuf>,
+    /// When each image was taken (times.txt: image, seconds)
+    #[arg(long, value_name = "FILE", requires = "turn")]
+    times: Option<PathBuf>,
+    /// With --turn: the sequence that PATH was solved from, to measure its own poses beside the result's
+    #[arg(long, value_name = "SEQUENCE", requires = "turn")]
+    input: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
 
-pub fn run(_args: &Args) -> anyhow::Result<()> {
-    anyhow::bail!("not written yet")
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let result = match args.path.join("result.json").exists() {
+        true => Some(RunResult::load(&args.path)?),
+        false => None,
+    };
+    match (&args.truth, &args.turn, &args.times) {
+        (Some(truth), _, _) => truth_columns(args, result.as_ref(), truth),
+        (None, Some(turn), Some(times)) => turn_columns(args, result.as_ref(), &Platform::load(turn, times)?),
+        _ => bail!("nothing to measure against; give --truth, or --turn and --times"),
+    }
+}
+
+fn sequence(path: &Path) -> anyhow::Result<Sequence> {
+    load(path, &LoadOptions::default()).with_context(|| format!("{}", path.display()))
+}
+
+fn truth_columns(args: &Args, result: Option<&RunResult>, truth: &Path) -> anyhow::Result<()> {
+    let reference = sequence(truth)?;
+    let known = reference
+        .truth
+        .as_ref()
+        .with_context(|| format!("{}: no [truth]; give a rendered sequence", truth.display()))?;
+    let mut columns = Vec::new();
+    if let Some(result) = result {
+        columns.push((
+            "result",
+            against_truth(&of_result(&args.path, result, &reference)?, known),
+        ));
+    }
+    let own = if result.is_none() {
+        sequence(&args.path)?
+    } else {
+        reference.clone()
+    };
+    let names: Option<Vec<_>> = result.map(|result| result.frames.iter().map(|f| f.name.as_str()).collect());
+    match of_input(&own, &reference, names.as_deref()) {
+        Some(input) => columns.push(("input", against_truth(&input, known))),
+        None if result.is_none() => bail!(
+            "{}: no off-the-shelf poses that could be aligned; frame 0 and one that moves must have one",
+            args.path.display()
+        ),
+        None => {}
+    }
+    if args.json {
+        return print_json(&columns);
+    }
+    print_truth(&columns);
+    Ok(())
+}
+
+/// Reads what `solve` wrote for the frames that the truth knows by name.
+fn of_result(folder: &Path, result: &RunResult, reference: &Sequence) -> anyhow::Result<Estimated> {
+    let stems = file_stems(result.frames.iter().map(|frame| frame.name.as_str()));
+    let (mut frames, mut depth) = (Vec::new(), Vec::new());
+    for (frame, stem) in result.frames.iter().zip(&stems) {
+        let index = index_of(reference, &frame.name)?;
+        let pose = frame
+            .camera_from_object()
+            .with_context(|| format!("frame {}: no rotation", frame.name))?;
+        let map = read_depth(&folder.join("depth").join(format!("{stem}.exr")))?;
+        let size = reference.frames[index].image.size();
+        if map.size() != size {
+            let (width, height) = map.size();
+            bail!(
+                "depth/{stem}.exr is {width} × {height}, the truth {} × {}; give the truth of this input",
+                size.0,
+                size.1
+            );
+        }
+        frames.push((frame.name.clone(), index, pose));
+        depth.push(Some(map));
+    }
+    Ok(Estimated {
+        frames,
+        depth,
+        depth_scale: 1.0,
+        dense: true,
+        shape: Some(read_shape(&folder.join("shape.ply"))?),
+    })
+}
+
+/// The input's own poses, aligned with the truth; `names` limits them to the frames that were solved.
+fn of_input(own: &Sequence, reference: &Sequence, names: Option<&[&str]>) -> Option<Estimated> {
+    let chosen: Vec<_> = own
+        .frames
+        .iter()
+        .filter(|frame| names.is_none_or(|names| names.contains(&frame.name.as_str())))
+        .filter_map(|frame| Some((frame, index_of(reference, &frame.name).ok()?)))
+        .collect();
+    let truth = reference.truth.as_ref()?;
+    let true_poses: Vec<_> = chosen
+        .iter()
+        .filter_map(|&(_, index)| truth.camera_from_object.get(index).copied())
+        .collect();
+    let own_poses: Vec<_> = chosen.iter().map(|(frame, _)| frame.camera_from_input).collect();
+    let (aligned, alpha) = align_to_truth(&own_poses, &true_poses)?;
+    let (mut frames, mut depth) = (Vec::new(), Vec::new());
+    for ((frame, index), pose) in chosen.into_iter().zip(aligned) {
+        if let Some(pose) = pose {
+            frames.push((frame.name.clone(), index, pose));
+            depth.push(frame.depth.clone());
+        }
+    }
+    Some(Estimated {
+        frames,
+        depth,
+        depth_scale: alpha,
+        dense: false,
+        shape: None,
+    })
+}
+
+fn index_of(reference: &Sequence, name: &str) -> anyhow::Result<usize> {
+    let index = reference.frames.iter().position(|frame| frame.name == name);
+    index.with_context(|| format!("frame {name} is not in the truth; give the truth of this input"))
+}
+
+fn turn_columns(args: &Args, result: Option<&RunResult>, platform: &Platform) -> anyhow::Result<()> {
+    let own = match (&args.input, result) {
+        (Some(input), _) => Some(sequence(input)?),
+        (None, None) => Some(sequence(&args.path)?),
+        (None, Some(_)) => None,
+    };
+    let own: Option<Vec<(String, Rotation3<f64>)>> = own.map(|sequence| {
+        let posed =
+            |frame: spba_ceres::sequence::Frame| Some((frame.name, frame.camera_from_input?.rotation));
+        sequence.frames.into_iter().filter_map(posed).collect()
+    });
+    let solved: Option<Vec<(String, Rotation3<f64>)>> = result.map(|result| {
+        let posed = |frame: &spba_ceres::report::FrameResult| {
+            Some((frame.name.clone(), frame.camera_from_object()?.rotation))
+        };
+        result.frames.iter().filter_map(posed).collect()
+    });
+    let own = match (own, &solved) {
+        (Some(own), Some(solved)) => {
+            // The same frames in both columns, or their means would not compare.
+            let shared = |name: &String| solved.iter().any(|(other, _)| other == name);
+            Some(own.into_iter().filter(|(name, _)| shared(name)).collect())
+        }
+        (own, _) => own,
+    };
+    let mut columns = Vec::new();
+    for (title, rotations) in [("result", solved), ("input", own)] {
+        if let Some(rotations) = rotations {
+            columns.push((
+                title,
+                turn_table(platform, &rotations).with_context(|| title.to_owned())?,
+            ));
+        }
+    }
+    if args.json {
+        return print_json(&columns);
+    }
+    print_turn(&columns);
+    Ok(())
+}
+
+#[derive(Serialize)]
+struct TurnTable {
+    frames: Vec<String>,
+    platform_deg: Vec<f64>,
+    #[serde(flatten)]
+    errors: TurnErrors,
+}
+
+fn turn_table(platform: &Platform, rotations: &[(String, Rotation3<f64>)]) -> anyhow::Result<TurnTable> {
+    let mut seconds = Vec::new();
+    for (name, _) in rotations {
+        let time = platform.time_of(name);
+        seconds.push(time.with_context(|| format!("frame {name} is not in --times; add its line"))?);
+    }
+    let start = seconds.first().copied().context("no frame has a pose")?;
+    let turn = platform.sense * std::f64::consts::TAU / platform.full_turn_s;
+    let angles: Vec<_> = seconds.iter().map(|time| turn * (time - start)).collect();
+    let matrices: Vec<_> = rotations.iter().map(|(_, rotation)| *rotation).collect();
+    let errors = against_turn(&matrices, &angles)
+        .context("the poses do not turn; at least three frames with rotation between them are needed")?;
+    Ok(TurnTable {
+        frames: rotations.iter().map(|(name, _)| name.clone()).collect(),
+        platform_deg: angles.iter().map(|angle| angle.to_degrees()).collect(),
+        errors,
+    })
+}
+
+fn print_json<T: Serialize>(columns: &[(&str, T)]) -> anyhow::Result<()> {
+    let mut object = serde_json::Map::new();
+    for (title, column) in columns {
+        object.insert((*title).to_owned(), serde_json::to_value(column)?);
+    }
+    println!("{}", serde_json::to_string_pretty(&object)?);
+    Ok(())
+}
+
+fn print_truth(columns: &[(&str, TruthErrors)]) {
+    let row = |label: &str, value: &dyn Fn(&TruthErrors) -> Option<String>| {
+        let cells = columns
+            .iter()
+            .map(|(_, errors)| value(errors).unwrap_or_else(|| "-".to_owned()));
+        println!(
+            "{label:<44}{}",
+            cells.map(|cell| format!("{cell:>22}")).collect::<String>()
+        );
+    };
+    let spread = |value: Option<MeanMax>| value.map(|m| format!("{:.3} / {:.3}", m.mean, m.max));
+    let number = |value: Option<f64>| value.map(|value| format!("{value:.4}"));
+    let titles: String = columns.iter().map(|(title, _)| format!("{title:>22}")).collect();
+    println!("{:<44}{titles}", "");
+    row("frames", &|e| Some(e.frames.len().to_string()));
+    row("camera orientation error, deg, mean / max", &|e| {
+        spread(e.orientation_error_deg)
+    });
+    row("camera location error, % diagonal, mean / max", &|e| {
+        spread(e.location_error_percent)
+    });
+    row("depth error, object units", &|e| number(e.depth_error));
+    row("density", &|e| number(e.density_mean));
+    row("silhouette IoU", &|e| number(e.silhouette_iou_mean));
+    row("shape, Chamfer distance, % diagonal", &|e| {
+        number(e.chamfer_percent)
+    });
+}
+
+fn print_turn(columns: &[(&str, TurnTable)]) {
+    let Some((_, first)) = columns.first() else { return };
+    let titles: String = columns.iter().map(|(title, _)| format!("{title:>10}")).collect();
+    println!("rotation error against the platform, deg");
+    println!("{:<32}{:>12}{titles}", "frame", "platform");
+    for (name, angle) in first.frames.iter().zip(&first.platform_deg) {
+        let cells = columns.iter().map(|(_, table)| {
+            let index = table.frames.iter().position(|other| other == name);
+            let error = index.and_then(|index| table.errors.errors_deg.get(index));
+            error.map_or(format!("{:>10}", "-"), |error| format!("{error:>10.3}"))
+        });
+        println!("{name:<32}{angle:>12.2}{}", cells.collect::<String>());
+    }
+    let summary = |label: &str, value: &dyn Fn(&TurnErrors) -> f64| {
+        let cells = columns
+            .iter()
+            .map(|(_, table)| format!("{:>10.3}", value(&table.errors)));
+        println!("{label:<44}{}", cells.collect::<String>());
+    };
+    summary("mean", &|errors| errors.summary.mean);
+    summary("max", &|errors| errors.summary.max);
+    summary("offset fitted", &|errors| errors.offset_deg);
+    for (title, table) in columns {
+        let [x, y, z] = table.errors.axis;
+        println!("axis in camera 0, {title}: ({x:.4}, {y:.4}, {z:.4})");
+    }
 }

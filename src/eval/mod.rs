@@ -1,1 +1,15 @@
 //! Metrics: a result against truth or against a turning platform.
+//!
+//! Pure functions on poses, depth maps and points; the verb `eval` reads the files and prints.
+
+mod align;
+mod metrics;
+mod platform;
+mod truth;
+mod turn;
+
+pub use align::align_to_truth;
+pub use metrics::{DepthError, MeanMax, chamfer, location_error, orientation_error_deg};
+pub use platform::{Platform, PlatformError};
+pub use truth::{Estimated, FrameErrors, TruthErrors, against_truth};
+pub use turn::{TurnErrors, against_turn};

@@ -1,0 +1,185 @@
+//! An estimate against a rendered sequence's truth (Sec. 3.2, Table 1).
+
+use super::{DepthError, MeanMax, chamfer, location_error, orientation_error_deg};
+use crate::geometry::{Pose, Vector3};
+use crate::image::{DepthMap, Grid, Mask};
+use crate::report::{density, silhouette_iou};
+use crate::sequence::Truth;
+use serde::Serialize;
+
+/// What is to be judged, frame by frame in the truth's order, in the object frame.
+pub struct Estimated {
+    /// The frame's name, its index in the truth, `camera_from_object`.
+    pub frames: Vec<(String, usize, Pose)>,
+    /// One per entry of `frames`.
+    pub depth: Vec<Option<DepthMap>>,
+    /// Brings `depth` into object units.
+    pub depth_scale: f64,
+    /// Whether `depth` covers the whole silhouette, so that its outline means something.
+    pub dense: bool,
+    /// Points of the canonical shape, if there is one.
+    pub shape: Option<Vec<Vector3<f64>>>,
+}
+
+/// One frame's errors. Lengths in object units unless the name says otherwise (diagonal 1).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FrameErrors {
+    pub name: String,
+    pub orientation_error_deg: f64,
+    /// Distance of the camera centres, % of the object's diagonal.
+    pub location_error_percent: f64,
+    /// Mean |z − z_true| over the pixels known in both.
+    pub depth_error: Option<f64>,
+    /// The share of the true silhouette's pixels with an estimated depth.
+    pub density: Option<f64>,
+    /// Against the true silhouette.
+    pub silhouette_iou: Option<f64>,
+}
+
+/// [`FrameErrors`] and their summary; means are over frames, the depth error's over pixels.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TruthErrors {
+    pub orientation_error_deg: Option<MeanMax>,
+    pub location_error_percent: Option<MeanMax>,
+    pub depth_error: Option<f64>,
+    pub density_mean: Option<f64>,
+    pub silhouette_iou_mean: Option<f64>,
+    /// ½ of both mean nearest-neighbour distances to the true shape, % of the diagonal.
+    pub chamfer_percent: Option<f64>,
+    pub frames: Vec<FrameErrors>,
+}
+
+/// Frames whose index lies beyond the truth are left out.
+pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
+    let mut pooled = DepthError::default();
+    let mut frames = Vec::new();
+    for ((name, index, pose), depth) in estimated.frames.iter().zip(&estimated.depth) {
+        let (Some(true_pose), Some(true_depth)) =
+            (truth.camera_from_object.get(*index), truth.depth.get(*index))
+        else {
+            continue;
+        };
+        let covered = depth.as_ref().map(known);
+        let error = depth
+            .as_ref()
+            .map(|depth| DepthError::between(depth, estimated.depth_scale, true_depth))
+            .unwrap_or_default();
+        pooled = pooled.plus(error);
+        let silhouette = known(true_depth);
+        frames.push(FrameErrors {
+            name: name.clone(),
+            orientation_error_deg: orientation_error_deg(&pose.rotation, &true_pose.rotation),
+            location_error_percent: 100.0 * location_error(pose, true_pose),
+            depth_error: error.mean(),
+            density: covered.as_ref().map(|covered| density(&silhouette, covered)),
+            silhouette_iou: covered
+                .filter(|_| estimated.dense)
+                .map(|covered| silhouette_iou(&silhouette, &covered)),
+        });
+    }
+    let true_shape: Vec<_> = truth
+        .shape
+        .iter()
+        .map(|p| Vector3::from(*p).map(f64::from))
+        .collect();
+    let mean =
+        |value: fn(&FrameErrors) -> Option<f64>| MeanMax::of(frames.iter().filter_map(value)).map(|m| m.mean);
+    TruthErrors {
+        orientation_error_deg: MeanMax::of(frames.iter().map(|frame| frame.orientation_error_deg)),
+        location_error_percent: MeanMax::of(frames.iter().map(|frame| frame.location_error_percent)),
+        depth_error: pooled.mean(),
+        density_mean: mean(|frame| frame.density),
+        silhouette_iou_mean: mean(|frame| frame.silhouette_iou),
+        chamfer_percent: estimated
+            .shape
+            .as_ref()
+            .and_then(|shape| chamfer(shape, &true_shape))
+            .map(|distance| 100.0 * distance),
+        frames,
+    }
+}
+
+fn known(depth: &DepthMap) -> Mask {
+    Grid::from_fn(depth.width(), depth.height(), |column, row| {
+        depth[(column, row)] > 0.0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Rotation3;
+    use crate::report::Surface;
+    use crate::report::fixture::{box_car, solved};
+
+    #[test]
+    fn known_errors_are_found() {
+        let (sequence, _) = solved(&Surface::from_points(box_car(2000)), 3);
+        let truth = sequence.truth.unwrap();
+        // Every camera turned in place by 2° and moved by 0.03 in the object frame; depth off by 0.01 and half
+        // of it missing; the shape far away.
+        let wrong = |pose: &Pose| {
+            let rotation =
+                Rotation3::from_scaled_axis(Vector3::new(0.0, 2f64.to_radians(), 0.0)) * pose.rotation;
+            Pose {
+                rotation,
+                translation: -(rotation * (pose.center() + Vector3::new(0.03, 0.0, 0.0))),
+            }
+        };
+        let half = |depth: &DepthMap| {
+            let data = depth.data().iter().enumerate();
+            let data = data
+                .map(|(i, z)| {
+                    if *z > 0.0 && i % 2 == 0 {
+                        0.5 * (z + 0.01)
+                    } else {
+                        0.0
+                    }
+                })
+                .collect();
+            Grid::from_vec(depth.width(), depth.height(), data).unwrap()
+        };
+        let shape = truth
+            .shape
+            .iter()
+            .map(|p| Vector3::from(*p).map(f64::from) + Vector3::new(0.0, 9.0, 0.0));
+        let estimated = Estimated {
+            frames: (0..3)
+                .map(|i| (format!("{i}"), i, wrong(&truth.camera_from_object[i])))
+                .collect(),
+            depth: truth.depth.iter().map(|depth| Some(half(depth))).collect(),
+            depth_scale: 2.0,
+            dense: true,
+            shape: Some(shape.collect()),
+        };
+        let errors = against_truth(&estimated, &truth);
+        assert!((errors.orientation_error_deg.unwrap().max - 2.0).abs() < 1e-9);
+        assert!((errors.location_error_percent.unwrap().mean - 3.0).abs() < 1e-9);
+        assert!((errors.depth_error.unwrap() - 0.01).abs() < 1e-6);
+        assert!((errors.density_mean.unwrap() - 0.5).abs() < 0.02);
+        assert_eq!(errors.silhouette_iou_mean, errors.density_mean);
+        assert!(errors.chamfer_percent.unwrap() > 800.0);
+    }
+
+    #[test]
+    fn what_is_not_there_is_not_measured() {
+        let (sequence, _) = solved(&Surface::from_points(box_car(500)), 2);
+        let truth = sequence.truth.unwrap();
+        let estimated = Estimated {
+            frames: vec![
+                ("a".into(), 1, truth.camera_from_object[1]),
+                ("b".into(), 7, Pose::identity()),
+            ],
+            depth: vec![None, None],
+            depth_scale: 1.0,
+            dense: false,
+            shape: None,
+        };
+        let errors = against_truth(&estimated, &truth);
+        assert_eq!(errors.frames.len(), 1);
+        assert_eq!(
+            (errors.depth_error, errors.density_mean, errors.chamfer_percent),
+            (None, None, None)
+        );
+    }
+}
