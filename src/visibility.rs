@@ -192,14 +192,6 @@ mod tests {
             let far = |list: &[VisiblePoint], limb: f64| {
                 list.iter().filter(|p| facing(&points, p.point) < -limb).count()
             };
-            println!(
-                "{count}: near {} of {}, far {} of {}, deep far {}",
-                near(&seen.points),
-                near(&through.points),
-                far(&seen.points, 0.0),
-                far(&through.points, 0.0),
-                far(&seen.points, surfels.spacing() / 0.4)
-            );
             assert!(far(&through.points, 0.2) > 0, "the test would show nothing");
             // The limb, where front and back are closer together than the samples, stays undecided.
             assert_eq!(far(&seen.points, surfels.spacing() / 0.4), 0, "{count} points");
@@ -234,5 +226,39 @@ mod tests {
             p.point >= 1600 && a.abs() < 0.3 && b.abs() < 0.3
         });
         assert_eq!(behind.count(), 0);
+    }
+
+    /// Edges, where no tangent plane fits, hide little of the faces that meet there.
+    #[test]
+    fn a_cube_keeps_its_near_faces() {
+        let side = 24;
+        let share = |i: usize| i as f64 / (side - 1) as f64 * 0.6 - 0.3;
+        let points: Vec<f64> = (0..side * side * side)
+            .map(|i| [i % side, i / side % side, i / side / side])
+            .filter(|cell| cell.iter().any(|&c| c == 0 || c == side - 1))
+            .flat_map(|cell| cell.map(share))
+            .collect();
+        // Looks at the faces −x, −y and −z from about the same angle each.
+        let eye = Vector3::new(-1.3, -1.1, -1.5);
+        let pose = Pose {
+            rotation: Rotation3::look_at_lh(&-eye, &Vector3::y()),
+            translation: Vector3::new(0.0, 0.0, eye.norm()),
+        };
+        let near = |p: &&VisiblePoint| points[3 * p.point as usize..][..3].iter().any(|&x| x < -0.299);
+        let count = |seen: &Visibility| seen.points.iter().filter(near).count();
+        let all = visible_points(&points, &CAMERA, &pose, SIZE, None);
+        let seen = visible_points(&points, &CAMERA, &pose, SIZE, Some(&Surfels::new(&points)));
+        assert!(
+            all.points.len() - count(&all) > 500,
+            "the test would show nothing"
+        );
+        assert!(
+            count(&seen) as f64 > 0.97 * count(&all) as f64,
+            "{} of {}",
+            count(&seen),
+            count(&all)
+        );
+        let far = seen.points.len() - count(&seen);
+        assert!(far < 40, "{far}, more than the outline's");
     }
 }

@@ -272,7 +272,7 @@ mod tests {
         }
 
         #[test]
-        fn far_queries_are_exact(seed in 0u64..8, angle in 0.0..6.28f64, radius in 150.0..900.0f64) {
+        fn far_queries_are_exact(seed in 0u64..8, angle in -3.0..3.0f64, radius in 150.0..900.0f64) {
             let mask = blob(seed);
             let (u, v) = (18.0 + radius * angle.cos(), 11.0 + radius * angle.sin());
             let found = squared(NearestPixel::new(&mask).unwrap().nearest(u, v), u, v);

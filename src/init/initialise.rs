@@ -13,7 +13,7 @@ use crate::visibility::Surfels;
 use rayon::prelude::*;
 
 /// Depth is compared at a resolution of at most this many columns: α needs no more.
-const DEPTH_COLUMNS: usize = 192;
+const DEPTH_COLUMNS: usize = 128;
 
 /// Options of [`initialise`].
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -294,10 +294,13 @@ mod tests {
     }
 
     fn quick() -> InitOptions {
-        InitOptions {
+        let mut options = InitOptions {
             points: 1200,
             ..InitOptions::default()
-        }
+        };
+        options.hypotheses.grid.elevations_deg = vec![0.0, 20.0];
+        options.hypotheses.grid.rolls_deg = vec![0.0];
+        options
     }
 
     fn start(sequence: &Sequence) -> Vec<Initialisation> {

@@ -6,12 +6,17 @@ use nabo::{KDTree, Point, simple_point::SimplePoint};
 
 /// Neighbours that make a point's tangent plane, itself included.
 const NEIGHBOURS: u32 = 8;
+/// Disc radius in mean distances to these neighbours: just enough that the discs of an even sample overlap. More
+/// hides faces that are seen at a grazing angle behind an edge.
+const RADIUS: f64 = 0.7;
 /// Depth beyond a disc, in units of its radius, from which a point counts as behind it. Less loses points of
 /// curved surfaces near their outline, more lets the far side through there.
 const TOLERANCE: f64 = 1.0;
+/// Distance from a disc's plane, in units of its neighbours' own scatter about it, from which a point counts as
+/// behind it: at edges, where no plane fits, a disc must not hide the faces that meet there.
+const SCATTER_TOLERANCE: f64 = 3.0;
 
-/// One disc per point: centre at the point, tangent to the surface, as wide as the mean distance to its
-/// neighbours. Depends on the shape only: one serves all frames.
+/// One disc per point: centre at the point, tangent to the surface, wide enough to meet its neighbours. Depends on the shape only: one serves all frames.
 #[derive(Clone, Debug)]
 pub struct Surfels {
     discs: Vec<Disc>,
@@ -24,6 +29,8 @@ struct Disc {
     normal: Vector3<f64>,
     /// Object units.
     radius: f64,
+    /// Root mean square distance of the neighbours from the tangent plane, object units.
+    scatter: f64,
 }
 
 impl Surfels {
@@ -41,14 +48,16 @@ impl Surfels {
                 let neighbours = tree.knn(NEIGHBOURS, query);
                 let distances: Vec<f64> = neighbours.iter().map(|n| f64::from(*n.dist2).sqrt()).collect();
                 nearest_distances.extend(distances.get(1).copied());
-                let radius = distances.iter().sum::<f64>() / distances.len().saturating_sub(1).max(1) as f64;
+                let mean = distances.iter().sum::<f64>() / distances.len().saturating_sub(1).max(1) as f64;
                 let positions: Vec<Vector3<f64>> = neighbours
                     .iter()
                     .map(|n| Vector3::new(0, 1, 2).map(|axis| f64::from(*n.point.get(axis))))
                     .collect();
+                let (normal, scatter) = tangent_plane(&positions);
                 Disc {
-                    normal: tangent_normal(&positions),
-                    radius,
+                    normal,
+                    radius: RADIUS * mean,
+                    scatter,
                 }
             })
             .collect();
@@ -115,14 +124,18 @@ impl Disc {
         let behind = (1.0 - along) * point.norm();
         along > 0.0
             && behind > TOLERANCE * self.radius
+            && normal.dot(&(point - centre)).abs() > SCATTER_TOLERANCE * self.scatter
             && (point * along - centre).norm_squared() < self.radius * self.radius
     }
 }
 
-/// The direction in which the points spread least.
-fn tangent_normal(points: &[Vector3<f64>]) -> Vector3<f64> {
-    let mean = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
+/// The direction in which the points spread least, and their standard deviation along it.
+fn tangent_plane(points: &[Vector3<f64>]) -> (Vector3<f64>, f64) {
+    let count = points.len().max(1) as f64;
+    let mean = points.iter().sum::<Vector3<f64>>() / count;
     let scatter: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
     let eigen = scatter.symmetric_eigen();
-    eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned()
+    let least = eigen.eigenvalues.imin();
+    let variance = eigen.eigenvalues[least].max(0.0) / count;
+    (eigen.eigenvectors.column(least).into_owned(), variance.sqrt())
 }
