@@ -310,13 +310,9 @@ fn depth_that_does_not_belong() {
     fixture::write(&scene.path("openmvs/depth0001.dmap"), &map.encode());
     scene.refused_with_depth(&["depth0001.dmap: depth map is 16 × 24, but the frame is 32 × 24"]);
 
-    let (scene, other) = (Scene::sequence(), Scene::sequence());
-    other.edit("sequence.toml", "depth/a.exr", "depth/a.exr");
-    let small = tempfile::tempdir().unwrap();
-    let file = small.path().join("small.exr");
-    let depth = spba_ceres::image::Grid::filled(5, 4, 1.0f32);
-    spba_ceres::image::write_depth(&depth, &file).unwrap();
-    std::fs::copy(&file, scene.path("depth/a.exr")).unwrap();
+    let scene = Scene::sequence();
+    let small = spba_ceres::image::Grid::filled(5, 4, 1.0f32);
+    spba_ceres::image::write_depth(&small, &scene.path("depth/a.exr")).unwrap();
     scene.refused(&["depth/a.exr: depth map is 5 × 4, but the frame is 32 × 24"]);
 
     let scene = Scene::workspace();

@@ -24,16 +24,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-const HEADINGS: [&str; 9] = [
-    "frame",
-    "size",
-    "fx fy",
-    "cx cy",
-    "mask",
-    "border",
-    "parts",
-    "depth",
-    "pose, time",
+const HEADINGS: [&str; 10] = [
+    "frame", "size", "fx fy", "cx cy", "mask", "border", "parts", "depth", "pose", "time",
 ];
 
 fn report(examination: &Examination) -> String {
@@ -45,7 +37,7 @@ fn report(examination: &Examination) -> String {
     );
     text += &table(&examination.frames);
     text += "\nmask: share of the image; border: object pixels in its outermost rows and columns; parts: connected parts;\n\
-             depth: share of the mask's pixels with off-the-shelf depth; time: seconds\n";
+             depth: share of the mask's pixels with off-the-shelf depth; pose: off-the-shelf; time: seconds\n";
     // Writing to a string cannot fail.
     for note in &examination.notes {
         let _ = writeln!(text, "note: {note}");
@@ -94,9 +86,7 @@ fn row(frame: &FrameExamination) -> [String; HEADINGS.len()] {
         or_none(frame.mask.map(|mask| mask.border_px.to_string())),
         or_none(frame.mask.map(|mask| mask.parts.to_string())),
         or_none(frame.depth_share.map(percent)),
-        format!(
-            "{pose}, {}",
-            or_none(frame.timestamp_s.map(|time| time.to_string()))
-        ),
+        pose.to_owned(),
+        or_none(frame.timestamp_s.map(|time| time.to_string())),
     ]
 }

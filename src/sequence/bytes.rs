@@ -32,7 +32,7 @@ impl<'a> Bytes<'a> {
 
     /// A declared `count` of items of at least `item_bytes` each, checked against what the file still holds.
     pub fn count(&self, count: u64, item_bytes: usize, field: &str) -> Result<usize, SequenceError> {
-        let needed = count.checked_mul(item_bytes as u64).unwrap_or(u64::MAX);
+        let needed = count.saturating_mul(item_bytes as u64);
         match usize::try_from(count) {
             Ok(count) if needed <= self.remaining() as u64 => Ok(count),
             _ => Err(self.truncated(needed, field)),

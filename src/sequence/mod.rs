@@ -6,6 +6,7 @@
 mod assemble;
 mod bytes;
 mod colmap;
+mod depth;
 mod distortion;
 mod draft;
 mod error;

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::geometry::Vector3;
-use crate::image::read_mask;
 use std::path::PathBuf;
 
 fn workspace() -> tempfile::TempDir {
@@ -132,7 +131,7 @@ fn a_distorted_camera_becomes_a_pinhole() {
     let bent = plain(folder.path());
     assert_eq!((bent.frames[0].camera.fx, bent.frames[0].camera.cx), (40.0, 16.0));
     // Pincushion: the straight image shows, away from the centre, what lay farther out, so the object shrinks.
-    let mask = read_mask(&folder.path().join("masks/a.png.png")).unwrap();
+    let mask = crate::image::read_mask(&folder.path().join("masks/a.png.png")).unwrap();
     assert!(bent.frames[0].mask.share() < mask.share());
     assert!(bent.frames[0].mask[(16, 12)]);
 }

@@ -52,8 +52,7 @@ pub(super) fn check_pose(
             "give an orthonormal row-major 3 × 3 matrix with determinant 1",
         )
     };
-    // Written so that NaN fails.
-    if !(deviation < ORTHONORMAL_TOLERANCE) {
+    if deviation.is_nan() || deviation > ORTHONORMAL_TOLERANCE {
         return Err(wrong(format!("not orthonormal (|RᵀR − I| = {deviation:.3})")));
     }
     if matrix.determinant() < 0.0 {

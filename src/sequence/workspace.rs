@@ -66,8 +66,13 @@ pub(super) fn note_unused_images(workspace: &Path, used: &[&str], notes: &mut Ve
         .collect();
     unused.sort();
     if let (Some(first), Some(last)) = (unused.first(), unused.last()) {
+        let which = if first == last {
+            first.clone()
+        } else {
+            format!("{first} … {last}")
+        };
         notes.push(format!(
-            "{} of {} images are not registered and left out ({first} … {last})",
+            "{} of {} images are not registered and left out ({which})",
             unused.len(),
             all.len()
         ));

@@ -9,9 +9,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// u64 count; each: u32 id, i32 model, u64 width, u64 height, f64 parameters.
-pub(super) fn cameras(file: &Path) -> Result<BTreeMap<u32, Camera>, SequenceError> {
-    let data = std::fs::read(file).map_err(|source| SequenceError::read(file, source))?;
-    let mut bytes = Bytes::new(file, &data);
+pub(super) fn cameras(data: &[u8], file: &Path) -> Result<BTreeMap<u32, Camera>, SequenceError> {
+    let mut bytes = Bytes::new(file, data);
     let count = bytes.u64("number of cameras")?;
     let mut cameras = BTreeMap::new();
     for index in 0..bytes.count(count, 24, "cameras")? {
@@ -31,9 +30,8 @@ pub(super) fn cameras(file: &Path) -> Result<BTreeMap<u32, Camera>, SequenceErro
 
 /// u64 count; each: u32 id, f64 quaternion (w first), f64 translation, u32 camera, zero-terminated name, u64 number of
 /// observations, each f64 x, f64 y, u64 point.
-pub(super) fn images(file: &Path) -> Result<Vec<Image>, SequenceError> {
-    let data = std::fs::read(file).map_err(|source| SequenceError::read(file, source))?;
-    let mut bytes = Bytes::new(file, &data);
+pub(super) fn images(data: &[u8], file: &Path) -> Result<Vec<Image>, SequenceError> {
+    let mut bytes = Bytes::new(file, data);
     let declared = bytes.u64("number of images")?;
     let count = bytes.count(declared, 4 + 7 * 8 + 4 + 1 + 8, "images")?;
     let mut images = Vec::with_capacity(count);
@@ -57,9 +55,8 @@ pub(super) fn images(file: &Path) -> Result<Vec<Image>, SequenceError> {
 }
 
 /// u64 count; each: u64 id, f64 position, u8 colour × 3, f64 error, u64 track length, each u32 image, u32 observation.
-pub(super) fn points(file: &Path) -> Result<Vec<Point>, SequenceError> {
-    let data = std::fs::read(file).map_err(|source| SequenceError::read(file, source))?;
-    let mut bytes = Bytes::new(file, &data);
+pub(super) fn points(data: &[u8], file: &Path) -> Result<Vec<Point>, SequenceError> {
+    let mut bytes = Bytes::new(file, data);
     let declared = bytes.u64("number of points")?;
     let count = bytes.count(declared, 8 + 3 * 8 + 3 + 8 + 8, "points")?;
     let mut points = Vec::with_capacity(count);
@@ -79,4 +76,50 @@ pub(super) fn points(file: &Path) -> Result<Vec<Point>, SequenceError> {
     }
     bytes.end("number of points")?;
     Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sequence::fixture;
+    use proptest::prelude::*;
+
+    fn file(name: &str) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        fixture::sparse_binary(folder.path(), 1, &fixture::CAMERA);
+        std::fs::read(folder.path().join("sparse").join(name)).unwrap()
+    }
+
+    fn parses(name: &str, data: &[u8]) -> bool {
+        let file = Path::new(name);
+        match name {
+            "cameras.bin" => cameras(data, file).is_ok(),
+            "images.bin" => images(data, file).is_ok(),
+            _ => points(data, file).is_ok(),
+        }
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        for name in ["cameras.bin", "images.bin", "points3D.bin"] {
+            let data = file(name);
+            assert!(parses(name, &data));
+            for length in 0..data.len() {
+                assert!(!parses(name, &data[..length]), "{name}, {length} bytes");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_bytes_never_panic(which in 0..3usize, at in any::<prop::sample::Index>(), word: u64) {
+            let name = ["cameras.bin", "images.bin", "points3D.bin"][which];
+            let mut data = file(name);
+            let at = at.index(data.len());
+            for (byte, new) in data[at..].iter_mut().zip(word.to_le_bytes()) {
+                *byte = new;
+            }
+            parses(name, &data);
+        }
+    }
 }

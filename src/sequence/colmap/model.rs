@@ -49,33 +49,50 @@ pub(super) fn read(workspace: &Path, notes: &mut Vec<String>) -> Result<Model, S
     if sparse.join("1").is_dir() && folder == sparse.join("0") {
         notes.push("sparse/ holds several models; sparse/0 is read".into());
     }
-    if folder.join("images.bin").is_file() {
-        let points_file = folder.join("points3D.bin");
-        Ok(Model {
-            cameras: binary::cameras(&folder.join("cameras.bin"))?,
-            images: binary::images(&folder.join("images.bin"))?,
-            points: if points_file.is_file() {
-                binary::points(&points_file)?
-            } else {
-                Vec::new()
-            },
-            cameras_file: folder.join("cameras.bin"),
-            images_file: folder.join("images.bin"),
-        })
+    let is_binary = folder.join("images.bin").is_file();
+    let path = |name: &str| {
+        folder
+            .join(name)
+            .with_extension(if is_binary { "bin" } else { "txt" })
+    };
+    let (cameras_file, images_file, points_file) = (path("cameras"), path("images"), path("points3D"));
+    let (cameras, images, points);
+    if is_binary {
+        cameras = binary::cameras(&bytes_of(&cameras_file)?, &cameras_file)?;
+        images = binary::images(&bytes_of(&images_file)?, &images_file)?;
+        points = read_points(&points_file, |file| binary::points(&bytes_of(file)?, file))?;
     } else {
-        let points_file = folder.join("points3D.txt");
-        Ok(Model {
-            cameras: text::cameras(&folder.join("cameras.txt"))?,
-            images: text::images(&folder.join("images.txt"))?,
-            points: if points_file.is_file() {
-                text::points(&points_file)?
-            } else {
-                Vec::new()
-            },
-            cameras_file: folder.join("cameras.txt"),
-            images_file: folder.join("images.txt"),
-        })
+        cameras = text::cameras(&text_of(&cameras_file)?, &cameras_file)?;
+        images = text::images(&text_of(&images_file)?, &images_file)?;
+        points = read_points(&points_file, |file| text::points(&text_of(file)?, file))?;
     }
+    Ok(Model {
+        cameras,
+        images,
+        points,
+        cameras_file,
+        images_file,
+    })
+}
+
+/// The points are optional.
+fn read_points(
+    file: &Path,
+    read: impl Fn(&Path) -> Result<Vec<Point>, SequenceError>,
+) -> Result<Vec<Point>, SequenceError> {
+    if file.is_file() {
+        read(file)
+    } else {
+        Ok(Vec::new())
+    }
+}
+
+fn bytes_of(file: &Path) -> Result<Vec<u8>, SequenceError> {
+    std::fs::read(file).map_err(|source| SequenceError::read(file, source))
+}
+
+fn text_of(file: &Path) -> Result<String, SequenceError> {
+    std::fs::read_to_string(file).map_err(|source| SequenceError::read(file, source))
 }
 
 /// Whether a folder holds COLMAP's image list.

@@ -10,10 +10,9 @@ use std::path::Path;
 use std::str::FromStr;
 
 /// Lines `id MODEL width height parameters…`.
-pub(super) fn cameras(file: &Path) -> Result<BTreeMap<u32, Camera>, SequenceError> {
-    let text = read(file)?;
+pub(super) fn cameras(text: &str, file: &Path) -> Result<BTreeMap<u32, Camera>, SequenceError> {
     let mut cameras = BTreeMap::new();
-    for line in Lines::new(file, &text).filter(Line::has_data) {
+    for line in Lines::new(file, text).filter(Line::has_data) {
         let mut words = line.words();
         let id = words.parse("camera id")?;
         let model = CameraModel::by_name(words.next("camera model")?, file)?;
@@ -28,15 +27,14 @@ pub(super) fn cameras(file: &Path) -> Result<BTreeMap<u32, Camera>, SequenceErro
         })?;
         cameras.insert(id, camera);
     }
-    check_count(file, &text, "cameras", cameras.len())?;
+    check_count(file, text, "cameras", cameras.len())?;
     Ok(cameras)
 }
 
 /// Pairs of lines: `id qw qx qy qz tx ty tz camera name`, then `x y point …`, which may be empty.
-pub(super) fn images(file: &Path) -> Result<Vec<Image>, SequenceError> {
-    let text = read(file)?;
+pub(super) fn images(text: &str, file: &Path) -> Result<Vec<Image>, SequenceError> {
     let mut images = Vec::new();
-    let mut lines = Lines::new(file, &text);
+    let mut lines = Lines::new(file, text);
     while let Some(line) = lines.by_ref().find(Line::has_data) {
         let mut words = line.words();
         let id = words.parse("image id")?;
@@ -54,15 +52,14 @@ pub(super) fn images(file: &Path) -> Result<Vec<Image>, SequenceError> {
             camera_from_world: pose(quaternion, translation, file, &line.place("pose"))?,
         });
     }
-    check_count(file, &text, "images", images.len())?;
+    check_count(file, text, "images", images.len())?;
     Ok(images)
 }
 
 /// Lines `id x y z r g b error (image observation)…`.
-pub(super) fn points(file: &Path) -> Result<Vec<Point>, SequenceError> {
-    let text = read(file)?;
+pub(super) fn points(text: &str, file: &Path) -> Result<Vec<Point>, SequenceError> {
     let mut points = Vec::new();
-    for line in Lines::new(file, &text).filter(Line::has_data) {
+    for line in Lines::new(file, text).filter(Line::has_data) {
         let mut words = line.words();
         words.parse::<u64>("point id")?;
         let position = Vector3::from(words.parse_array::<f64, 3>("position")?);
@@ -74,12 +71,8 @@ pub(super) fn points(file: &Path) -> Result<Vec<Point>, SequenceError> {
         let images = track.iter().step_by(2).copied().collect();
         points.push(Point { position, images });
     }
-    check_count(file, &text, "points", points.len())?;
+    check_count(file, text, "points", points.len())?;
     Ok(points)
-}
-
-fn read(file: &Path) -> Result<String, SequenceError> {
-    std::fs::read_to_string(file).map_err(|source| SequenceError::read(file, source))
 }
 
 /// Holds a comment such as `# Number of images: 16, mean …` against what was found.
@@ -219,6 +212,37 @@ impl<'a> Words<'a> {
         match self.rest.trim() {
             "" => Err(self.line.invalid(field, "missing")),
             name => Ok(name),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FILE: &str = "images.txt";
+
+    #[test]
+    fn names_may_hold_spaces_and_observations_may_be_empty() {
+        let text = "# Number of images: 2, mean observations per image: 0\n\
+                    7 1 0 0 0 1 2 3 1 my car.jpg\n\n9 1 0 0 0 1 2 3 1 b.jpg";
+        let images = images(text, Path::new(FILE)).unwrap();
+        assert_eq!((images[0].id, images[0].name.as_str()), (7, "my car.jpg"));
+        assert_eq!((images[1].id, images[1].name.as_str()), (9, "b.jpg"));
+    }
+
+    #[test]
+    fn a_lost_line_is_noticed() {
+        let text = "7 1 0 0 0 1 2 3 1 a.jpg\n9 1 0 0 0 1 2 3 1 b.jpg\n";
+        let message = images(text, Path::new(FILE)).err().unwrap().to_string();
+        assert!(message.contains("images.txt: line 2: observations"), "{message}");
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "[0-9a-z .#\n-]{0,200}") {
+            let _ = (cameras(&text, Path::new(FILE)), images(&text, Path::new(FILE)), points(&text, Path::new(FILE)));
         }
     }
 }

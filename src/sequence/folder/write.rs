@@ -5,13 +5,24 @@ use super::{MANIFEST, points};
 use crate::geometry::{Pinhole, Pose};
 use crate::image::{write_depth, write_mask, write_rgb};
 use crate::sequence::{Frame, Sequence, SequenceError, Truth};
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Writes `sequence` as the new folder `target`; images become PNG. Refuses a target that exists.
+/// Writes `sequence` as the new folder `target`; images become PNG. Refuses a target that exists and names that occur
+/// twice.
 pub fn write(sequence: &Sequence, target: &Path) -> Result<(), SequenceError> {
     if target.symlink_metadata().is_ok() {
         return Err(SequenceError::TargetExists(target.to_owned()));
+    }
+    let mut names = BTreeSet::new();
+    if let Some(frame) = sequence.frames.iter().find(|frame| !names.insert(&frame.name)) {
+        return Err(SequenceError::invalid(
+            target,
+            "frames",
+            format!("the name `{}` occurs twice", frame.name),
+            "give every frame a name of its own",
+        ));
     }
     let parent = match target.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -222,6 +233,13 @@ mod tests {
         let truth = picked.truth.unwrap();
         assert_eq!(truth.camera_from_object, [pose(0.1), pose(2.0)]);
         assert_eq!(truth.depth[1][(0, 0)], 7.0);
+    }
+
+    #[test]
+    fn a_name_that_occurs_twice_is_refused() {
+        let parent = tempfile::tempdir().unwrap();
+        assert!(write(&sample(["a", "a"]), &parent.path().join("sample")).is_err());
+        assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 0);
     }
 
     #[test]
