@@ -6,7 +6,8 @@ use spba_ceres::eval::{
     Estimated, MeanMax, Platform, TruthErrors, TurnErrors, against_truth, against_turn, align_to_truth,
 };
 use spba_ceres::geometry::Rotation3;
-use spba_ceres::report::{RunResult, file_stems, read_depth, read_shape};
+use spba_ceres::image::read_depth;
+use spba_ceres::report::{RunResult, file_stems, read_shape};
 use spba_ceres::sequence::{LoadOptions, Sequence, load};
 use std::path::{Path, PathBuf};
 

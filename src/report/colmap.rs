@@ -98,3 +98,58 @@ impl ColmapModel {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{UnitQuaternion, Vector3};
+    use crate::report::fixture::{box_car, solved};
+
+    #[test]
+    fn observations_are_reprojections_and_tracks_point_back() {
+        let surface = Surface::from_points(box_car(300));
+        let (sequence, solution) = solved(&surface, 2);
+        let mut model = ColmapModel::new(300);
+        for (l, frame) in sequence.frames.iter().enumerate() {
+            let pose = solution.estimate.camera_from_object(l);
+            let view = surface.render(&frame.camera, &pose, frame.image.size());
+            model.add(&frame.name, &frame.camera, &pose, &surface, &view);
+        }
+        assert_eq!(model.cameras.len(), 1);
+        let folder = tempfile::tempdir().unwrap();
+        model.write(folder.path(), &surface, &[[1, 2, 3]; 300]).unwrap();
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let images = read("images.txt");
+        let lines: Vec<_> = images.lines().filter(|line| !line.starts_with('#')).collect();
+        let numbers = |line: &str| -> Vec<f64> { line.split(' ').map_while(|v| v.parse().ok()).collect() };
+        // The second image, as any reader of the format takes it.
+        let (head, observations) = (numbers(lines[2]), numbers(lines[3]));
+        let rotation =
+            UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(head[1], head[2], head[3], head[4]));
+        let camera = sequence.frames[1].camera;
+        for observation in observations.chunks(3) {
+            let point = surface.points()[observation[2] as usize - 1];
+            let pixel = camera
+                .project(&(rotation * point + Vector3::new(head[5], head[6], head[7])))
+                .unwrap();
+            assert!(
+                (pixel.x - observation[0])
+                    .abs()
+                    .max((pixel.y - observation[1]).abs())
+                    < 1e-3
+            );
+        }
+        let tracked = read("points3D.txt")
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .fold(0, |count, line| {
+                let values = numbers(line);
+                let seen = values[8..].chunks(2).filter(|track| track[0] == 2.0);
+                count
+                    + seen
+                        .inspect(|track| assert_eq!(observations[3 * track[1] as usize + 2], values[0]))
+                        .count()
+            });
+        assert_eq!(tracked, observations.len() / 3);
+    }
+}

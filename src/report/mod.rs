@@ -1,14 +1,14 @@
 //! The result folder: shape, cameras, depth maps, overlays, trace and `result.json`.
 //!
-//! [`write`] turns a [`Solution`](crate::solver::Solution) into files, [`RunResult::load`], [`read_shape`] and
-//! [`read_depth`] read them back; [`Surface`] says what the shape looks like in a camera.
+//! [`write`] turns a [`Solution`](crate::solver::Solution) into files, [`RunResult::load`] and [`read_shape`] read
+//! them back; [`Surface`] says what the shape looks like in a camera.
 
 mod colmap;
 mod colormap;
 mod colour;
-mod depth;
 mod facets;
 mod folder;
+mod lettering;
 mod memory;
 mod nearest;
 mod overlap;
@@ -24,7 +24,6 @@ mod write;
 #[cfg(test)]
 pub(crate) mod fixture;
 
-pub use depth::read_depth;
 pub use folder::{check_out, file_stems};
 pub use memory::peak_memory_mb;
 pub(crate) use nearest::Neighbours;
@@ -43,6 +42,8 @@ pub enum ReportError {
     OutputExists { path: PathBuf },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Image(#[from] crate::image::ImageError),
     #[error("{}: {message}", path.display())]
     Format { path: PathBuf, message: String },
     #[error("{field} is not a finite number; nothing was written")]

@@ -5,8 +5,9 @@ use super::colour::{ColourGatherer, Colours};
 use super::folder::Staging;
 use super::sheet::Sheet;
 use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
-use super::{density, depth, file_stems, overlay, ply, silhouette_iou, trace, trajectory};
+use super::{density, file_stems, overlay, ply, silhouette_iou, trace, trajectory};
 use crate::geometry::{Pose, Similarity};
+use crate::image::write_depth;
 use crate::init::Estimate;
 use crate::sequence::Sequence;
 use crate::solver::Solution;
@@ -50,23 +51,24 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let stems = file_stems(sequence.frames.iter().map(|frame| frame.name.as_str()));
     let mut gatherer = ColourGatherer::new(input.surface.points().len());
     let mut colmap = ColmapModel::new(input.surface.points().len());
-    let mut sheet = Sheet::new(poses.len());
+    let mut sheet = Sheet::new(&sequence.frames);
     let mut frames = Vec::new();
     for (i, ((frame, pose), stem)) in sequence.frames.iter().zip(&poses).zip(&stems).enumerate() {
         let view = input.surface.render(&frame.camera, pose, frame.image.size());
         let silhouette = view.mask();
-        frames.push(FrameResult::new(
+        let result = FrameResult::new(
             &frame.name,
             pose,
             silhouette_iou(&silhouette, &frame.mask),
             density(&frame.mask, &silhouette),
-        ));
+        );
         gatherer.add(frame, pose, input.surface, &view);
         colmap.add(&frame.name, &frame.camera, pose, input.surface, &view);
-        depth::write_depth(&depth_folder.join(format!("{stem}.exr")), &view.depth)?;
+        write_depth(&view.depth, &depth_folder.join(format!("{stem}.exr")))?;
         let overlay = overlay::overlay(&frame.image, &view.depth, &frame.mask);
         save_png(&overlay_folder.join(format!("{stem}.png")), &overlay)?;
-        sheet.add(i, &overlay::picture(&frame.image), &overlay);
+        sheet.add(i, &result, &overlay::picture(&frame.image), &overlay);
+        frames.push(result);
     }
     save_png(&staging.path().join("overlay.png"), &sheet.draw())?;
 
@@ -243,8 +245,9 @@ fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::read_depth;
     use crate::report::fixture::{box_car, solved};
-    use crate::report::{read_depth, read_shape};
+    use crate::report::read_shape;
 
     fn input<'a>(sequence: &'a Sequence, solution: &'a Solution, surface: &'a Surface) -> ReportInput<'a> {
         ReportInput {

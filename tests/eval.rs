@@ -1,0 +1,226 @@
+//! `spba-ceres eval` as a user runs it.
+#![allow(clippy::unwrap_used)]
+
+use assert_cmd::Command;
+use serde_json::Value;
+use spba_ceres::geometry::{Pinhole, Pose, RelativePose, Rotation3, Vector3};
+use spba_ceres::image::Grid;
+use spba_ceres::init::Estimate;
+use spba_ceres::report::{ReportInput, Surface};
+use spba_ceres::sequence::{Frame, Sequence, Truth};
+use spba_ceres::solver::{Evaluations, ObjectiveValue, Solution, Termination};
+use std::path::Path;
+
+fn eval(arguments: &[&Path]) -> Command {
+    let mut command = Command::cargo_bin("spba-ceres").unwrap();
+    command.arg("eval").args(arguments);
+    command
+}
+
+fn json(command: &mut Command) -> Value {
+    let output = command
+        .arg("--json")
+        .assert()
+        .success()
+        .get_output()
+        .stdout
+        .clone();
+    serde_json::from_slice(&output).unwrap()
+}
+
+/// An ellipsoid on a turning platform. The input's poses are true, in a frame of its own with scale 0.5.
+fn rendered() -> (Surface, Sequence, Estimate) {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let points = (0..3000).map(|i| {
+        let y = 1.0 - 2.0 * (f64::from(i) + 0.5) / 3000.0;
+        let (ring, angle) = ((1.0 - y * y).sqrt(), golden * f64::from(i));
+        Vector3::new(0.2 * ring * angle.cos(), 0.15 * y, 0.4 * ring * angle.sin())
+    });
+    let surface = Surface::from_points(points.collect());
+    let camera = Pinhole {
+        fx: 150.0,
+        fy: 150.0,
+        cx: 64.0,
+        cy: 48.0,
+    };
+    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let poses: Vec<_> = (0..4)
+        .map(|i| Pose {
+            rotation: down * Rotation3::from_axis_angle(&Vector3::y_axis(), 0.1 * f64::from(i)),
+            translation: Vector3::new(0.0, 0.0, 1.5),
+        })
+        .collect();
+    let views: Vec<_> = poses
+        .iter()
+        .map(|pose| surface.render(&camera, pose, (128, 96)))
+        .collect();
+    let frames = poses
+        .iter()
+        .zip(&views)
+        .enumerate()
+        .map(|(i, (pose, view))| Frame {
+            name: format!("{i:03}.png"),
+            image: Grid::filled(128, 96, [90.0; 3]),
+            mask: view.mask(),
+            camera,
+            timestamp_s: Some(i as f64),
+            camera_from_input: Some(Pose {
+                translation: pose.translation / 0.5,
+                ..*pose
+            }),
+            depth: None,
+        });
+    let sequence = Sequence {
+        name: "ellipsoid".into(),
+        frames: frames.collect(),
+        truth: Some(Truth {
+            camera_from_object: poses.clone(),
+            depth: views.iter().map(|view| view.depth.clone()).collect(),
+            shape: surface
+                .points()
+                .iter()
+                .map(|p| p.map(|c| c as f32).into())
+                .collect(),
+        }),
+    };
+    let estimate = Estimate {
+        target_from_object: poses[0],
+        motion: poses[1..]
+            .iter()
+            .map(|pose| RelativePose::between(&poses[0], pose))
+            .collect(),
+        style: vec![],
+        alpha: 0.5,
+    };
+    (surface, sequence, estimate)
+}
+
+fn write_result(surface: &Surface, sequence: &Sequence, estimate: Estimate, out: &Path) {
+    let solution = Solution {
+        estimate,
+        objective_start: ObjectiveValue::default(),
+        objective_end: ObjectiveValue::default(),
+        evaluations: Evaluations::default(),
+        iterations: 0,
+        termination: Termination::Converged,
+        hypotheses: vec![],
+        trace: vec![],
+        seconds: vec![],
+    };
+    let input = ReportInput {
+        sequence,
+        solution: &solution,
+        surface,
+        input: "ellipsoid",
+        prior: "none 1",
+        config: "",
+        peak_memory_mb: None,
+    };
+    spba_ceres::report::write(&input, out).unwrap();
+}
+
+#[test]
+fn a_result_and_its_input_against_truth() {
+    let home = tempfile::tempdir().unwrap();
+    let (truth, result) = (home.path().join("truth"), home.path().join("result"));
+    let (surface, sequence, mut estimate) = rendered();
+    spba_ceres::sequence::write(&sequence, &truth).unwrap();
+    // Every camera 2° off about its own optical axis: the centres and depths stay.
+    let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), 2f64.to_radians());
+    estimate.target_from_object.rotation = roll * estimate.target_from_object.rotation;
+    for motion in &mut estimate.motion {
+        motion.0.rotation = roll * motion.0.rotation * roll.inverse();
+    }
+    write_result(&surface, &sequence, estimate, &result);
+
+    let errors = json(&mut eval(&[&result, Path::new("--truth"), &truth]));
+    let of = |column: &str, key: &str| errors[column][key].clone();
+    assert!((of("result", "orientation_error_deg")["mean"].as_f64().unwrap() - 2.0).abs() < 1e-6);
+    assert!(of("result", "location_error_percent")["max"].as_f64().unwrap() < 1e-6);
+    assert!(of("result", "depth_error").as_f64().unwrap() < 0.005);
+    assert!(of("result", "silhouette_iou_mean").as_f64().unwrap() > 0.95);
+    assert!(of("result", "chamfer_percent").as_f64().unwrap() < 1e-3);
+    assert!(of("input", "orientation_error_deg")["max"].as_f64().unwrap() < 1e-6);
+    assert!(of("input", "location_error_percent")["max"].as_f64().unwrap() < 1e-6);
+    // The same of the input alone, and as a table.
+    let alone = json(&mut eval(&[&truth, Path::new("--truth"), &truth]));
+    assert_eq!(
+        alone["input"]["orientation_error_deg"],
+        errors["input"]["orientation_error_deg"]
+    );
+    let table = eval(&[&result, Path::new("--truth"), &truth]).assert().success();
+    let table = String::from_utf8(table.get_output().stdout.clone()).unwrap();
+    assert!(
+        table.contains("camera orientation error") && table.contains("2.000 / 2.000"),
+        "{table}"
+    );
+}
+
+#[test]
+fn a_result_and_its_input_against_a_platform() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (surface, sequence, estimate) = rendered();
+    spba_ceres::sequence::write(&sequence, &path("input")).unwrap();
+    write_result(&surface, &sequence, estimate, &path("result"));
+    // 0.1 rad a second.
+    std::fs::write(
+        path("turn.txt"),
+        format!("full_turn_seconds {}\nsense 1\n", 20.0 * std::f64::consts::PI),
+    )
+    .unwrap();
+    std::fs::write(path("times.txt"), "000.png 0\n001.png 1\n002.png 2\n003.png 3\n").unwrap();
+    let mut command = eval(&[&path("result"), Path::new("--turn"), &path("turn.txt")]);
+    command
+        .arg("--times")
+        .arg(path("times.txt"))
+        .arg("--input")
+        .arg(path("input"));
+    let errors = json(&mut command);
+    for column in ["result", "input"] {
+        assert!(
+            errors[column]["summary"]["max"].as_f64().unwrap() < 1e-6,
+            "{errors}"
+        );
+        assert_eq!(errors[column]["frames"].as_array().unwrap().len(), 4);
+    }
+}
+
+#[test]
+fn the_poses_of_a_real_platform_are_as_good_as_they_were_measured_to_be() {
+    let shared = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/natural/epfl_04");
+    let shared = Path::new(shared);
+    if !shared.exists() {
+        println!("skipped: no ../shared/natural/epfl_04");
+        return;
+    }
+    let mut command = eval(&[shared, Path::new("--turn"), &shared.join("turn.txt")]);
+    let errors = json(command.arg("--times").arg(shared.join("times.txt")));
+    // An independent fit of the same 16 poses gives 0.508° mean, 0.803° max.
+    assert!(
+        (errors["input"]["summary"]["mean"].as_f64().unwrap() - 0.508).abs() < 0.002,
+        "{errors}"
+    );
+    assert!(
+        (errors["input"]["summary"]["max"].as_f64().unwrap() - 0.803).abs() < 0.002,
+        "{errors}"
+    );
+}
+
+#[test]
+fn faults_are_one_line() {
+    let home = tempfile::tempdir().unwrap();
+    let fails = |arguments: &[&Path], part: &str| {
+        let output = eval(arguments).assert().failure();
+        let text = String::from_utf8(output.get_output().stderr.clone()).unwrap();
+        assert!(text.contains(part), "{text}");
+        text
+    };
+    fails(&[home.path()], "--truth");
+    std::fs::write(home.path().join("result.json"), "{\"schema\": 9}").unwrap();
+    let text = fails(
+        &[home.path(), Path::new("--truth"), home.path()],
+        "schema must be 1, found 9",
+    );
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
