@@ -18,9 +18,9 @@ pub struct Archive {
 
 impl Archive {
     pub fn open(root: &Path) -> Result<Self, CadError> {
-        let read = |source| CadError::Read {
+        let read = |problem| CadError::Read {
             path: root.to_owned(),
-            source,
+            problem,
         };
         let zip = if std::fs::metadata(root).map_err(read)?.is_dir() {
             None
@@ -56,14 +56,14 @@ impl Archive {
                 Err(error) => Err(io::Error::other(error)),
             },
         };
-        bytes.map_err(|source| CadError::Read { path, source })
+        bytes.map_err(|problem| CadError::Read { path, problem })
     }
 
     /// Like [`Archive::read`], `None` where there is no such member.
     pub fn read_if_present(&mut self, name: &str) -> Result<Option<Vec<u8>>, CadError> {
         match self.read(name) {
             Ok(bytes) => Ok(Some(bytes)),
-            Err(CadError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(CadError::Read { problem, .. }) if problem.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(error),
         }
     }
@@ -119,9 +119,9 @@ pub fn stem(name: &str) -> &str {
 }
 
 fn walk(folder: &Path, prefix: &str, names: &mut Vec<String>) -> Result<(), CadError> {
-    let read = |source| CadError::Read {
+    let read = |problem| CadError::Read {
         path: folder.to_owned(),
-        source,
+        problem,
     };
     for entry in std::fs::read_dir(folder).map_err(read)? {
         let entry = entry.map_err(read)?;

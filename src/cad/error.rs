@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 /// Every message names the file, the place in it, and what would mend it.
 #[derive(Debug, thiserror::Error)]
 pub enum CadError {
-    #[error("{}: cannot read: {source}", path.display())]
+    #[error("{}: cannot read: {problem}", path.display())]
     Read {
         path: PathBuf,
-        #[source]
-        source: std::io::Error,
+        // Not `source`: the message has it already, and a chain would print it twice.
+        problem: std::io::Error,
     },
     #[error("{}: {place}: {problem}", path.display())]
     Malformed {

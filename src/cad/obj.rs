@@ -46,7 +46,8 @@ pub(super) fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> 
             },
         });
     }
-    let default_material = mesh.materials.len();
+    // A face may name a material that the library lacks (renamed by its exporter); where there is one, that is meant.
+    let default_material = if materials.len() == 1 { 0 } else { materials.len() };
     mesh.materials.push(Material {
         diffuse: [0.8; 3],
         opacity: 1.0,
@@ -65,7 +66,7 @@ fn append(mesh: &mut Mesh, part: &tobj::Mesh, default_material: usize) {
             .chunks_exact(3)
             .map(|p| Vector3::new(p[0], p[1], p[2]).map(f64::from)),
     );
-    let material = part.material_id.unwrap_or(default_material).min(default_material);
+    let material = part.material_id.unwrap_or(default_material);
     for (i, corners) in part.indices.chunks_exact(3).enumerate() {
         let uv = |corner: usize| {
             part.texcoord_indices
@@ -100,5 +101,60 @@ fn utf8(bytes: Vec<u8>) -> Vec<u8> {
             .map(|&b| char::from(b))
             .collect::<String>()
             .into_bytes(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+
+    fn parse(obj: &str, mtl: &[u8]) -> Result<Mesh, CadError> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.obj"), obj).unwrap();
+        std::fs::write(folder.path().join("a.mtl"), mtl).unwrap();
+        image::save_buffer(
+            folder.path().join("t.png"),
+            &[9, 8, 7],
+            1,
+            1,
+            image::ColorType::Rgb8,
+        )
+        .unwrap();
+        read(&mut Archive::open(folder.path()).unwrap(), "a.obj")
+    }
+
+    #[test]
+    fn polygons_keep_colour_texture_and_coordinates() {
+        let obj = format!("{SQUARE}usemtl b\nf 1/1 2/2 3/3 4/4\n");
+        // The comment is Latin-1.
+        let mtl = b"# \xe9\nnewmtl a\nKd 0 0 0\nnewmtl b\nKd 1 0.5 0.25\nd 0.5\nmap_Kd -s 1 1 1 t.png\n";
+        let mesh = parse(&obj, mtl).unwrap();
+        assert_eq!(mesh.triangles.len(), 2);
+        let triangle = mesh.triangles[1];
+        for (vertex, uv) in triangle.vertices.iter().zip(triangle.texture_coordinates) {
+            let at = mesh.vertices[*vertex as usize];
+            assert_eq!([at.x as f32, at.y as f32], uv);
+        }
+        let material = &mesh.materials[triangle.material as usize];
+        assert_eq!((material.diffuse, material.opacity), ([1.0, 0.5, 0.25], 0.5));
+        assert_eq!(material.texture.as_ref().unwrap().image[(0, 0)], [9.0, 8.0, 7.0]);
+    }
+
+    #[test]
+    fn an_unknown_material_falls_back_to_the_only_one_or_to_grey() {
+        let obj = format!("{SQUARE}usemtl lost\nf 1 2 3\n");
+        let colour = |mtl: &[u8]| {
+            let mesh = parse(&obj, mtl).unwrap();
+            mesh.materials[mesh.triangles[0].material as usize].diffuse
+        };
+        assert_eq!(colour(b"newmtl a\nKd 1 0 0\n"), [1.0, 0.0, 0.0]);
+        assert_eq!(colour(b"newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\n"), [0.8; 3]);
+    }
+
+    #[test]
+    fn a_face_without_its_vertex_is_an_error() {
+        assert!(parse("v 0 0 0\nf 1 2 3\n", b"").is_err());
     }
 }

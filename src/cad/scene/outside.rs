@@ -5,7 +5,6 @@ use super::super::{Mesh, orbit};
 use crate::geometry::{Pinhole, Vector2, Vector3};
 use crate::image::DepthMap;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 const DIRECTIONS: usize = 60;
 /// Seen from fewer directions, a point counts as inside.
@@ -88,10 +87,9 @@ fn is_seen(view: &View, map: &DepthMap, point: &Vector3<f64>) -> bool {
 
 /// The first point of each cell of a grid, in the order of the cells.
 fn thin(points: &[Vector3<f64>], edge: f64) -> Vec<Vector3<f64>> {
-    let mut cells = BTreeMap::new();
-    for point in points {
-        let cell: [i64; 3] = point.map(|x| (x / edge).floor() as i64).into();
-        cells.entry(cell).or_insert(*point);
-    }
-    cells.into_values().collect()
+    let cell = |point: &Vector3<f64>| point.map(|x| (x / edge).floor() as i32).into();
+    let mut cells: Vec<([i32; 3], usize)> = points.par_iter().map(cell).zip(0..points.len()).collect();
+    cells.par_sort_unstable();
+    cells.dedup_by_key(|(cell, _)| *cell);
+    cells.into_iter().map(|(_, index)| points[index]).collect()
 }

@@ -37,7 +37,7 @@ const HALF: [f64; 3] = [0.18, 0.13, 0.44];
 
 fn scene(extra: &str) -> Scene {
     toml::from_str(&format!(
-        "seed = 7\ntruth_points = 2000\n{extra}\n[model]\nkind = 'torcs'\npath = 'unused'\n[arc]\nframes = 3\n\
+        "seed = 7\nsamples_per_axis = 1\ntruth_points = 2000\n{extra}\n[model]\nkind = 'torcs'\npath = 'unused'\n[arc]\nframes = 3\n\
          azimuth_deg = [20, 50]\nelevation_deg = 15\ndistance = 1.7\njitter = {{ angle_deg = 1, distance = 0.02, aim = 0.01 }}\n"
     ))
     .unwrap()
@@ -195,4 +195,31 @@ fn options_out_of_range_are_named() {
         .unwrap_err()
         .to_string();
     assert!(unknown.contains("sead"), "{unknown}");
+}
+
+#[test]
+fn the_bundled_sequence_is_whole() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/data/sequences/car");
+    let sequence = crate::sequence::load(folder.as_ref(), &Default::default()).unwrap();
+    let truth = sequence.truth.unwrap();
+    assert_eq!((sequence.frames.len(), truth.camera_from_object.len()), (10, 10));
+    let size: f32 = (0..3)
+        .map(|a| {
+            let low = truth.shape.iter().map(|p| p[a]).fold(f32::MAX, f32::min);
+            let high = truth.shape.iter().map(|p| p[a]).fold(f32::MIN, f32::max);
+            (high - low).powi(2)
+        })
+        .sum();
+    assert!((size.sqrt() - 1.0).abs() < 0.01, "{size}");
+    for (frame, pose) in sequence.frames.iter().zip(&truth.camera_from_object) {
+        // The shape projects into the mask, but for what thinning and the pixel grid leave.
+        let inside = truth.shape.iter().filter(|point| {
+            let point = Vector3::from(point.map(f64::from));
+            let pixel = frame.camera.project(&pose.transform(&point)).unwrap();
+            let cell = frame.mask.pixel_at(pixel.x, pixel.y);
+            cell.is_some_and(|cell| frame.mask[cell])
+        });
+        assert!(inside.count() as f64 > 0.98 * truth.shape.len() as f64);
+        assert!(frame.depth.is_some() && frame.camera_from_input.is_some());
+    }
 }
