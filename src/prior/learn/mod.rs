@@ -299,3 +299,6 @@ fn ordered(mean: &OutsideSample, halves: &[Vec<V3>]) -> Correspondences {
         .collect();
     Correspondences { shapes, normals }
 }
+
+#[cfg(test)]
+mod tests;
