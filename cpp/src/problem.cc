@@ -33,8 +33,9 @@ Prior FromCallback(rust::Box<PriorCallback> callback) {
 }  // namespace
 
 Problem::Problem(const ProblemOptions& options, Prior prior)
-    : weights_{options.photometric_weight,   options.photometric_huber,   options.silhouette_weight,
-               options.inverse_depth_weight, options.inverse_depth_huber, options.style_weight},
+    : weights_{options.photometric_weight, options.photometric_huber,    options.silhouette_weight,
+               options.silhouette_huber,   options.inverse_depth_weight, options.inverse_depth_huber,
+               options.style_weight},
       state_(std::move(prior), static_cast<int>(options.points), static_cast<int>(options.style)),
       photometric_(options.frames),
       inverse_depth_(options.frames),

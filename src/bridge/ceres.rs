@@ -20,6 +20,8 @@ pub mod ffi {
         photometric_huber: f64,
         /// λ1.
         silhouette_weight: f64,
+        /// In pixels; 0 = none.
+        silhouette_huber: f64,
         /// λ2.
         inverse_depth_weight: f64,
         /// δ2, in the off-the-shelf reconstruction's inverse units.

@@ -6,6 +6,7 @@ mod silhouette;
 mod tests;
 
 pub use options::ObjectiveOptions;
+use options::limit;
 
 use crate::bridge::ceres::{Observer, PriorCallback, ffi};
 use crate::geometry::{Pinhole, Pose, RelativePose, Vector3};
@@ -52,7 +53,6 @@ pub struct Objective<'a> {
     /// α at construction: inverse depths are compared in units in which α starts at 1, so that λ2 and δ2 mean
     /// the same whatever the unit of the off-the-shelf reconstruction.
     input_unit: f64,
-    photometric_points: usize,
 }
 
 impl<'a> Objective<'a> {
@@ -85,10 +85,11 @@ impl<'a> Objective<'a> {
                 frames,
                 points,
                 style: prior.style_len(),
-                photometric_weight: options.photometric_weight,
+                photometric_weight: options.photometric_weight * options.point_weight,
                 photometric_huber: options.photometric_huber,
                 silhouette_weight: options.silhouette_weight,
-                inverse_depth_weight: options.inverse_depth_weight,
+                silhouette_huber: options.silhouette_huber,
+                inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,
             },
@@ -109,7 +110,6 @@ impl<'a> Objective<'a> {
                 .collect(),
             alpha: estimate.alpha,
             input_unit: estimate.alpha,
-            photometric_points: 0,
         };
         for (l, frame) in sequence.frames.iter().enumerate() {
             objective
@@ -212,12 +212,10 @@ impl<'a> Objective<'a> {
             .map(|(frame, pose)| inside_mask(&points, frame, pose))
             .collect();
 
-        self.photometric_points = 0;
         for (l, frame) in self.sequence.frames.iter().enumerate() {
             if l > 0 {
                 let (indices, directions) =
                     photometric_points(&visible[0], &visible[l], &inside[0], &inside[l]);
-                self.photometric_points += directions.iter().map(|&d| usize::from(d)).sum::<usize>();
                 self.problem.pin_mut().set_photometric(l, &indices, &directions)?;
             }
             let (indices, inverse_depth) = inverse_depth_points(&visible[l], frame, self.input_unit);
@@ -226,11 +224,6 @@ impl<'a> Objective<'a> {
                 .set_inverse_depth(l, &indices, &inverse_depth)?;
         }
         Ok(())
-    }
-
-    /// How many pixel pairs Eq. 4 compares now, both directions counted.
-    pub fn photometric_points(&self) -> usize {
-        self.photometric_points
     }
 
     /// L and its terms at the current estimate.
@@ -272,11 +265,6 @@ impl From<ffi::Terms> for ObjectiveValue {
             style: terms.style,
         }
     }
-}
-
-/// `wanted`, or all where it is 0 or more than there are.
-fn limit(wanted: usize, all: usize) -> usize {
-    if wanted == 0 { all } else { wanted.min(all) }
 }
 
 fn camera(camera: &Pinhole) -> ffi::Camera {

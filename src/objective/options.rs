@@ -12,6 +12,8 @@ pub struct ObjectiveOptions {
     pub photometric_huber: f64,
     /// λ1: weight of the silhouettes' Chamfer distance L_cd.
     pub silhouette_weight: f64,
+    /// Huber width of a silhouette correspondence, in pixels; 0 means none, as in the paper.
+    pub silhouette_huber: f64,
     /// λ2: weight of the inverse-depth term L_invd.
     pub inverse_depth_weight: f64,
     /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal.
@@ -24,6 +26,18 @@ pub struct ObjectiveOptions {
     pub silhouette_pixels: usize,
     /// At most this many of the points are paired with silhouette pixels, the weight rescaled; 0 means all.
     pub silhouette_points: usize,
+    /// How many points each one stands for in the sums over points.
+    #[serde(skip, default = "one")]
+    pub(crate) point_weight: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// `wanted`, or all where it is 0 or more than there are.
+pub(super) fn limit(wanted: usize, all: usize) -> usize {
+    if wanted == 0 { all } else { wanted.min(all) }
 }
 
 impl Default for ObjectiveOptions {
@@ -32,17 +46,41 @@ impl Default for ObjectiveOptions {
             photometric_weight: 1.0,
             photometric_huber: 100.0,
             silhouette_weight: 0.1,
+            silhouette_huber: 4.0,
             inverse_depth_weight: 1000.0,
             inverse_depth_huber: 10.0,
             style_weight: 1.0,
             points: 8192,
             silhouette_pixels: 2000,
             silhouette_points: 2048,
+            point_weight: one(),
         }
     }
 }
 
 impl ObjectiveOptions {
+    /// Nearly the same objective from at most `points` of the prior's `all` points, each standing for several,
+    /// and silhouettes thinned alike.
+    pub(crate) fn thinned(&self, points: usize, all: usize) -> Self {
+        let full = limit(self.points, all);
+        let used = points.min(full);
+        let ratio = full as f64 / used as f64;
+        let thin = |count: usize| {
+            if count == 0 {
+                0
+            } else {
+                (count as f64 / ratio).ceil() as usize
+            }
+        };
+        Self {
+            points: used,
+            point_weight: self.point_weight * ratio,
+            silhouette_pixels: thin(self.silhouette_pixels),
+            silhouette_points: thin(self.silhouette_points),
+            ..self.clone()
+        }
+    }
+
     /// The name of the first option that cannot be used, and why.
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
         let weights = [
@@ -50,6 +88,7 @@ impl ObjectiveOptions {
             ("silhouette_weight", self.silhouette_weight),
             ("inverse_depth_weight", self.inverse_depth_weight),
             ("style_weight", self.style_weight),
+            ("silhouette_huber", self.silhouette_huber),
         ];
         for (name, weight) in weights {
             if !(weight.is_finite() && weight >= 0.0) {

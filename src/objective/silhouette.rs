@@ -1,6 +1,7 @@
 //! What a frame's mask gives to Eq. 5.
 
-use super::{ObjectiveError, ObjectiveOptions, limit};
+use super::options::limit;
+use super::{ObjectiveError, ObjectiveOptions};
 use crate::bridge::ceres::ffi;
 use crate::image::{Mask, NearestPixel};
 use crate::sequence::Frame;
@@ -35,7 +36,7 @@ pub(super) fn add(
             pixels: &used,
             pixel_weight: pixels.len() as f64 / used.len() as f64,
             points: points as u32,
-            point_weight: options.points as f64 / points as f64,
+            point_weight: options.point_weight * options.points as f64 / points as f64,
         },
     )?;
     Ok(())

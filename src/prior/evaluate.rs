@@ -70,7 +70,11 @@ pub fn leave_one_out(
                 .map(|m| correspondences.shapes[m].clone())
                 .collect();
             let (prior, _) = LinearPrior::from_correspondences(&rest, correspondences.normals.clone(), most)?;
-            let stride = truth[out].points.len().div_ceil(FIT_SAMPLES_PER_POINT * points).max(1);
+            let stride = truth[out]
+                .points
+                .len()
+                .div_ceil(FIT_SAMPLES_PER_POINT * points)
+                .max(1);
             let target: Vec<V3> = truth[out].points.iter().step_by(stride).copied().collect();
             let errors = styles.iter().map(|&count| {
                 let projected = project(&prior, &correspondences.shapes[out], count);

@@ -22,6 +22,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// A hypothesis is judged with this many of the prior's points.
+const HYPOTHESIS_POINTS: usize = 2048;
+
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
@@ -55,9 +58,12 @@ pub fn solve(
         .map_err(|(name, why)| SolveError::Option(name, why))?;
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
     let began = Instant::now();
-    let run = |start: &Estimate, options: &SolverOptions, levels: &[usize], stage: &str| {
-        let mut objective =
-            Objective::new(sequence, prior.clone(), objective_options, options.levels, start)?;
+    let run = |start: &Estimate,
+               weights: &ObjectiveOptions,
+               options: &SolverOptions,
+               levels: &[usize],
+               stage: &str| {
+        let mut objective = Objective::new(sequence, prior.clone(), weights, options.levels, start)?;
         let mut progress = Progress::new(observer, began);
         let descent = descend(
             &mut objective,
@@ -67,26 +73,41 @@ pub fn solve(
             stage,
             &mut progress,
         )?;
-        Ok::<_, ObjectiveError>((descent, progress.into_trace(), objective.photometric_points()))
+        Ok::<_, ObjectiveError>((descent, progress.into_trace()))
     };
 
     let coarsest = options.levels - 1;
     let short = short_options(options);
-    let trials: Vec<(Descent, Vec<TraceRow>, usize)> = starts
+    let thinned = objective_options.thinned(HYPOTHESIS_POINTS, prior.point_count());
+    let trials: Vec<(Descent, Vec<TraceRow>)> = starts
         .par_iter()
         .enumerate()
-        .map(|(i, start)| run(&start.estimate, &short, &[coarsest], &format!("hypothesis-{i}/")))
+        .map(|(i, start)| {
+            run(
+                &start.estimate,
+                &thinned,
+                &short,
+                &[coarsest],
+                &format!("hypothesis-{i}/"),
+            )
+        })
         .collect::<Result<_, _>>()?;
     let chosen = best_trial(&trials).ok_or(SolveError::NoStart)?;
     let hypotheses_seconds = began.elapsed().as_secs_f64();
 
     let levels: Vec<usize> = (0..options.levels).rev().collect();
-    let (descent, trace, _) = run(&trials[chosen].0.estimate, options, &levels, "")?;
+    let (descent, trace) = run(
+        &trials[chosen].0.estimate,
+        objective_options,
+        options,
+        &levels,
+        "",
+    )?;
     let hypotheses = starts
         .iter()
         .zip(&trials)
         .enumerate()
-        .map(|(i, (start, (trial, _, _)))| HypothesisOutcome {
+        .map(|(i, (start, (trial, _)))| HypothesisOutcome {
             azimuth_deg: start.hypothesis.azimuth_deg,
             elevation_deg: start.hypothesis.elevation_deg,
             roll_deg: start.hypothesis.roll_deg,
@@ -106,7 +127,7 @@ pub fn solve(
         hypotheses,
         trace: trials
             .into_iter()
-            .flat_map(|(_, trace, _)| trace)
+            .flat_map(|(_, trace)| trace)
             .chain(trace)
             .collect(),
         seconds: vec![
@@ -132,6 +153,6 @@ fn short_options(options: &SolverOptions) -> SolverOptions {
 }
 
 /// The index of the lowest objective.
-fn best_trial(trials: &[(Descent, Vec<TraceRow>, usize)]) -> Option<usize> {
+fn best_trial(trials: &[(Descent, Vec<TraceRow>)]) -> Option<usize> {
     (0..trials.len()).min_by(|&a, &b| trials[a].0.end.total.total_cmp(&trials[b].0.end.total))
 }
