@@ -9,7 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use spba_ceres::config::Config;
 use spba_ceres::eval::{Estimated, TruthErrors, against_truth};
 use spba_ceres::geometry::{Pinhole, Pose};
-use spba_ceres::init::{Estimate, Initialisation, PoseHypothesis, motion_from_input, scale_from_inverse_depth};
+use spba_ceres::init::{
+    Estimate, Initialisation, PoseHypothesis, motion_from_input, scale_from_inverse_depth,
+};
 use spba_ceres::prior::{self, LinearPrior, ShapePrior};
 use spba_ceres::report::Surface;
 use spba_ceres::sequence::{self, LoadOptions, Sequence};
@@ -42,8 +44,10 @@ fn start(sequence: &Sequence, prior: &LinearPrior, seed: u64) -> Initialisation 
     let truth = sequence.truth.as_ref().unwrap().camera_from_object[0];
     let turn = Rotation3::from_axis_angle(&direction(&mut random), ANGLE_DEG.to_radians());
     let shift = direction(&mut random).into_inner() * SHARE_OF_DISTANCE * truth.translation.norm();
-    let target_from_object =
-        Pose { rotation: truth.rotation * turn, translation: truth.translation + shift };
+    let target_from_object = Pose {
+        rotation: truth.rotation * turn,
+        translation: truth.translation + shift,
+    };
     let style = vec![0.0; prior.style_len()];
     let target = &sequence.frames[0];
     let points: Vec<f64> = prior.shape(&style).iter().flat_map(|x| [x.x, x.y, x.z]).collect();
@@ -55,11 +59,19 @@ fn start(sequence: &Sequence, prior: &LinearPrior, seed: u64) -> Initialisation 
         Some(&Surfels::new(&points)),
     );
     let alpha = scale_from_inverse_depth(&visible, &target.mask, target.depth.as_ref().unwrap()).unwrap();
-    let camera_from_input: Vec<Pose> =
-        sequence.frames.iter().map(|frame| frame.camera_from_input.unwrap()).collect();
+    let camera_from_input: Vec<Pose> = sequence
+        .frames
+        .iter()
+        .map(|frame| frame.camera_from_input.unwrap())
+        .collect();
     let motion = motion_from_input(&target_from_object, &camera_from_input, alpha);
     Initialisation {
-        estimate: Estimate { target_from_object, motion, style, alpha },
+        estimate: Estimate {
+            target_from_object,
+            motion,
+            style,
+            alpha,
+        },
         hypothesis: PoseHypothesis {
             target_from_object,
             azimuth_deg: 0.0,
@@ -106,8 +118,15 @@ fn solved(seeds: impl Iterator<Item = u64>) -> usize {
     for seed in seeds {
         let start = start(&sequence, &prior, seed);
         let before = errors(&sequence, &prior, &start.estimate);
-        let solution =
-            solver::solve(&sequence, &shared, &[start], &config.objective, &config.solver, &|_| true).unwrap();
+        let solution = solver::solve(
+            &sequence,
+            &shared,
+            &[start],
+            &config.objective,
+            &config.solver,
+            &|_| true,
+        )
+        .unwrap();
         let after = errors(&sequence, &prior, &solution.estimate);
         let orientation = |e: &TruthErrors| e.orientation_error_deg.unwrap().mean;
         let location = |e: &TruthErrors| e.location_error_percent.unwrap().mean;
@@ -137,5 +156,8 @@ fn one_perturbed_start_is_brought_back() {
 #[test]
 #[ignore = "twenty full solves: a measurement, not a check"]
 fn all_twenty_seeds() {
-    println!("{} of 20 within 1 degree, 2 % and the start's depth error", solved(0..20));
+    println!(
+        "{} of 20 within 1 degree, 2 % and the start's depth error",
+        solved(0..20)
+    );
 }

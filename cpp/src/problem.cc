@@ -122,6 +122,7 @@ void Problem::set_inverse_depth(size_t frame, rust::Slice<const uint32_t> points
 
 void Problem::set_alpha(double alpha) {
   Require(std::isfinite(alpha) && alpha > 0, "alpha must be positive");
+  if (alpha == alpha_) return;
   alpha_ = alpha;
   Changed();
 }

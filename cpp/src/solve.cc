@@ -145,7 +145,6 @@ void Problem::gradient(rust::Slice<double> gradient) {
 Summary Problem::solve(const SolveOptions& options, Observer& observer) {
   RouteLogs();
   Prepare(false);
-  const Terms start = CurrentTerms();
   ceres::Problem& problem = objective_->problem();
   Variables& variables = state_.variables;
   SetFree(&problem, variables.target_from_object.data(), options.free_target);
@@ -165,25 +164,8 @@ Summary Problem::solve(const SolveOptions& options, Observer& observer) {
   if (!state_.failure().empty()) throw std::runtime_error(state_.failure());
 
   variables = reporter.best;
-  Prepare(false);
-  Summary summary;
-  switch (ceres_summary.termination_type) {
-    case ceres::NO_CONVERGENCE:
-      summary.stop = Stop::IterationLimit;
-      break;
-    case ceres::CONVERGENCE:
-      summary.stop = Stop::Converged;
-      break;
-    default:
-      // Ceres calls a line search without a next step a failure; the best state stands all the same.
-      summary.stop = reporter.interrupted ? Stop::Interrupted : Stop::Stalled;
-  }
-  summary.iterations = static_cast<uint32_t>(reporter.iterations);
-  summary.residual_evaluations = counts.residual;
-  summary.jacobian_evaluations = counts.jacobian;
-  summary.start = start;
-  summary.end = CurrentTerms();
-  return summary;
+  // Ceres calls a line search without a next step a failure; the best state stands all the same.
+  return {static_cast<uint32_t>(reporter.iterations), counts.residual, counts.jacobian, reporter.interrupted};
 }
 
 }  // namespace spba

@@ -89,24 +89,12 @@ pub mod ffi {
     }
 
     #[derive(Debug)]
-    enum Stop {
-        /// Ceres's tolerances.
-        Converged,
-        IterationLimit,
-        /// Ceres found no further step downhill.
-        Stalled,
-        /// The observer asked for it.
-        Interrupted,
-    }
-
-    #[derive(Debug)]
     struct Summary {
-        stop: Stop,
         iterations: u32,
         residual_evaluations: u32,
         jacobian_evaluations: u32,
-        start: Terms,
-        end: Terms,
+        /// The observer asked for it.
+        interrupted: bool,
     }
 
     extern "Rust" {

@@ -1,10 +1,12 @@
 //! The terms of Eq. 9: which points, pixels and weights go into the problem.
 
+mod call;
 mod options;
 mod silhouette;
 #[cfg(test)]
 mod tests;
 
+pub use call::{Block, Call, CallOutcome, Iteration};
 pub use options::ObjectiveOptions;
 use options::limit;
 
@@ -116,7 +118,9 @@ impl<'a> Objective<'a> {
                 .problem
                 .pin_mut()
                 .set_camera(l, &camera(&frame.camera))?;
-            silhouette::add(objective.problem.pin_mut(), l, frame, &objective.options)?;
+            if options.silhouette_weight > 0.0 {
+                silhouette::add(objective.problem.pin_mut(), l, frame, &objective.options)?;
+            }
         }
         objective.set_level(0)?;
         objective.set_estimate(estimate)?;
@@ -213,7 +217,7 @@ impl<'a> Objective<'a> {
             .collect();
 
         for (l, frame) in self.sequence.frames.iter().enumerate() {
-            if l > 0 {
+            if l > 0 && self.options.photometric_weight > 0.0 {
                 let (indices, directions) =
                     photometric_points(&visible[0], &visible[l], &inside[0], &inside[l]);
                 self.problem.pin_mut().set_photometric(l, &indices, &directions)?;
@@ -238,32 +242,22 @@ impl<'a> Objective<'a> {
         Ok(gradient)
     }
 
-    /// One Ceres call; the observer sees every iteration and stops it by returning false.
-    pub(crate) fn solve(
+    /// One Ceres call; the observer sees every iteration and stops it by returning false. The best state found
+    /// is kept, whatever ended the call.
+    pub fn minimise(
         &mut self,
-        options: &ffi::SolveOptions,
-        on_iteration: &mut dyn FnMut(&ffi::Iteration) -> bool,
-    ) -> Result<ffi::Summary, ObjectiveError> {
+        call: &Call,
+        observer: &mut dyn FnMut(&Iteration) -> bool,
+    ) -> Result<CallOutcome, ObjectiveError> {
+        let mut on_iteration = |iteration: &ffi::Iteration| observer(&iteration.into());
         let summary = self
             .problem
             .pin_mut()
-            .solve(options, &mut Observer::new(on_iteration))?;
+            .solve(&call.options(), &mut Observer::new(&mut on_iteration))?;
         // Twists may have wandered past π, where their derivative degrades; the same rotations, shorter.
         let estimate = self.estimate()?;
         self.set_estimate(&estimate)?;
-        Ok(summary)
-    }
-}
-
-impl From<ffi::Terms> for ObjectiveValue {
-    fn from(terms: ffi::Terms) -> Self {
-        Self {
-            total: terms.photometric + terms.silhouette + terms.inverse_depth + terms.style,
-            photometric: terms.photometric,
-            silhouette: terms.silhouette,
-            inverse_depth: terms.inverse_depth,
-            style: terms.style,
-        }
+        Ok(summary.into())
     }
 }
 

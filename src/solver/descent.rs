@@ -1,38 +1,17 @@
 //! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and of α (Eq. 8).
 
 use super::{
-    Evaluations, Minimiser, ObjectiveValue, Progress, SolverOptions, Strategy, Termination, TraceRow,
-    scale_from_motion,
+    Evaluations, ObjectiveValue, Progress, SolverOptions, Strategy, Termination, TraceRow, scale_from_motion,
 };
-use crate::bridge::ceres::ffi;
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
-use crate::objective::{Objective, ObjectiveError};
+use crate::objective::{Block, Call, Objective, ObjectiveError};
 
-/// The variables that one Ceres call moves.
-#[derive(Clone, Copy)]
-enum Block {
-    All,
-    Target,
-    Motion,
-    Style,
-}
-
-impl Block {
-    fn of(strategy: Strategy) -> &'static [Block] {
-        match strategy {
-            Strategy::Joint => &[Block::All],
-            Strategy::Alternating => &[Block::Target, Block::Motion, Block::Style],
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Block::All => "all",
-            Block::Target => "p0",
-            Block::Motion => "motion",
-            Block::Style => "style",
-        }
+/// What a step of Algorithm 1 moves, in order.
+fn blocks(strategy: Strategy) -> &'static [Block] {
+    match strategy {
+        Strategy::Joint => &[Block::All],
+        Strategy::Alternating => &[Block::Target, Block::Motion, Block::Style],
     }
 }
 
@@ -69,28 +48,33 @@ pub(super) fn descend(
         for step in 0..options.max_steps {
             objective.update_visibility()?;
             let before = objective.evaluate()?.total;
-            for &block in Block::of(options.strategy) {
-                let interrupted = call(
-                    objective,
-                    options,
+            for &block in blocks(options.strategy) {
+                let call = Call {
                     block,
-                    &mut descent,
-                    |iteration, evaluations, alpha| {
-                        progress.report(TraceRow {
-                            stage: format!("{stage}level-{level}"),
-                            step,
-                            block: block.name().to_owned(),
-                            iteration: iteration.number as usize,
-                            objective: iteration.terms.into(),
-                            gradient_norm: iteration.gradient_norm,
-                            alpha,
-                            residual_evaluations: evaluations.residual,
-                            jacobian_evaluations: evaluations.jacobian,
-                            seconds: progress.seconds(),
-                        })
-                    },
-                )?;
-                if interrupted {
+                    minimiser: options.minimiser,
+                    max_iterations: options.iterations_per_call,
+                    tolerance: options.tolerance / 10.0,
+                };
+                let alpha = objective.estimate()?.alpha;
+                let so_far = descent.evaluations;
+                let outcome = objective.minimise(&call, &mut |iteration| {
+                    let evaluations = so_far.plus(iteration.evaluations);
+                    progress.report(TraceRow {
+                        stage: format!("{stage}level-{level}"),
+                        step,
+                        block: block.name().to_owned(),
+                        iteration: iteration.number,
+                        objective: iteration.objective,
+                        gradient_norm: iteration.gradient_norm,
+                        alpha,
+                        residual_evaluations: evaluations.residual,
+                        jacobian_evaluations: evaluations.jacobian,
+                        seconds: progress.seconds(),
+                    })
+                })?;
+                descent.evaluations = so_far.plus(outcome.evaluations);
+                descent.iterations += outcome.iterations;
+                if outcome.interrupted {
                     descent.termination = Termination::Interrupted;
                     break 'levels;
                 }
@@ -117,47 +101,6 @@ pub(super) fn descend(
     descent.end = objective.evaluate()?;
     descent.estimate = objective.estimate()?;
     Ok(descent)
-}
-
-/// One Ceres call on `block`; true if it was interrupted.
-fn call(
-    objective: &mut Objective,
-    options: &SolverOptions,
-    block: Block,
-    descent: &mut Descent,
-    mut on_iteration: impl FnMut(&ffi::Iteration, Evaluations, f64) -> bool,
-) -> Result<bool, ObjectiveError> {
-    let (line_search, lbfgs_rank, initial_trust_region_radius) = match options.minimiser {
-        Minimiser::Lm {
-            initial_trust_region_radius,
-        } => (false, 1, initial_trust_region_radius),
-        Minimiser::Lbfgs { rank } => (true, rank, 1.0),
-    };
-    let alpha = objective.estimate()?.alpha;
-    let so_far = descent.evaluations;
-    let summary = objective.solve(
-        &ffi::SolveOptions {
-            free_target: matches!(block, Block::All | Block::Target),
-            free_motion: matches!(block, Block::All | Block::Motion),
-            free_style: matches!(block, Block::All | Block::Style),
-            line_search,
-            lbfgs_rank,
-            initial_trust_region_radius,
-            max_iterations: options.iterations_per_call,
-            function_tolerance: options.tolerance / 10.0,
-        },
-        &mut |iteration| {
-            let evaluations = Evaluations {
-                residual: so_far.residual + iteration.residual_evaluations as usize,
-                jacobian: so_far.jacobian + iteration.jacobian_evaluations as usize,
-            };
-            on_iteration(iteration, evaluations, alpha)
-        },
-    )?;
-    descent.evaluations.residual += summary.residual_evaluations as usize;
-    descent.evaluations.jacobian += summary.jacobian_evaluations as usize;
-    descent.iterations += summary.iterations as usize;
-    Ok(summary.stop == ffi::Stop::Interrupted)
 }
 
 /// x̄ of Eq. 8.

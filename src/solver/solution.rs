@@ -20,6 +20,15 @@ pub struct Evaluations {
     pub jacobian: usize,
 }
 
+impl Evaluations {
+    pub(crate) fn plus(self, other: Self) -> Self {
+        Self {
+            residual: self.residual + other.residual,
+            jacobian: self.jacobian + other.jacobian,
+        }
+    }
+}
+
 /// Why the solver stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
