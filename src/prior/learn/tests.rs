@@ -5,11 +5,20 @@ use crate::prior::{LinearPrior, PriorInfo, ShapePrior};
 const POINTS: usize = 512;
 
 fn toys() -> Vec<TrainingShape> {
-    [(0.10, 0.0), (0.25, 0.0), (0.15, 0.15), (0.20, 0.15), (0.20, -0.05), (0.15, 0.05)]
-        .iter()
-        .enumerate()
-        .map(|(i, &(height, place))| TrainingShape::new(&format!("toy {i}"), &toy_car(height, place, 0.4), 6000, i as u64))
-        .collect()
+    [
+        (0.10, 0.0),
+        (0.25, 0.0),
+        (0.15, 0.15),
+        (0.20, 0.15),
+        (0.20, -0.05),
+        (0.15, 0.05),
+    ]
+    .iter()
+    .enumerate()
+    .map(|(i, &(height, place))| {
+        TrainingShape::new(&format!("toy {i}"), &toy_car(height, place, 0.4), 6000, i as u64)
+    })
+    .collect()
 }
 
 fn options() -> LearnOptions {
@@ -52,12 +61,36 @@ fn the_same_models_give_the_same_correspondences() {
 #[test]
 fn what_cannot_be_learned_is_refused() {
     let refusal = |shapes: &[TrainingShape], options: LearnOptions| {
-        correspond(shapes, &options, &mut |_| {}).err().map(|e| e.to_string()).unwrap_or_default()
+        correspond(shapes, &options, &mut |_| {})
+            .err()
+            .map(|e| e.to_string())
+            .unwrap_or_default()
     };
     let shapes = toys();
     assert!(refusal(&shapes[..2], options()).contains("2 models are too few"));
-    assert!(refusal(&shapes, LearnOptions { points: 511, ..options() }).contains("points = 511"));
-    assert!(refusal(&shapes, LearnOptions { passes: 0, ..options() }).contains("passes = 0"));
-    let many = LearnOptions { points: 16384, ..options() };
+    assert!(
+        refusal(
+            &shapes,
+            LearnOptions {
+                points: 511,
+                ..options()
+            }
+        )
+        .contains("points = 511")
+    );
+    assert!(
+        refusal(
+            &shapes,
+            LearnOptions {
+                passes: 0,
+                ..options()
+            }
+        )
+        .contains("passes = 0")
+    );
+    let many = LearnOptions {
+        points: 16384,
+        ..options()
+    };
     assert!(refusal(&shapes, many).contains("`toy 0`: only"));
 }
