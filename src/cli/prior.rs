@@ -150,8 +150,8 @@ impl Learn {
         let m = &self.models;
         format!(
             "spba-ceres prior learn --sources {} --out {} --styles {} --points {} --samples {} --coarse-points {} --passes {} --seed {}",
-            file_name(&m.sources),
-            file_name(&self.out),
+            portable(&m.sources),
+            portable(&self.out),
             self.styles,
             self.points,
             m.samples,
@@ -162,11 +162,14 @@ impl Learn {
     }
 }
 
-fn file_name(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
+/// A relative path as it is, of an absolute one its last component: the file is for other machines too.
+fn portable(path: &Path) -> String {
+    let name = if path.is_relative() {
+        Some(path.as_os_str())
+    } else {
+        path.file_name()
+    };
+    name.unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn source_of(model: &NamedModel) -> PriorSource {

@@ -85,15 +85,18 @@ pub fn leave_one_out(
             Ok(errors.collect())
         })
         .collect::<Result<_, InvalidPrior>>()?;
-    let mean = |of: &dyn Fn(&Vec<(f64, f64)>) -> f64| held.iter().map(of).sum::<f64>() / held.len() as f64;
+    let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
     Ok(styles
         .iter()
         .enumerate()
-        .map(|(k, &styles)| FitError {
-            styles,
-            by_correspondence: mean(&|errors| errors[k].0),
-            by_chamfer: mean(&|errors| errors[k].1),
-            each: held.iter().map(|errors| errors[k].1).collect(),
+        .map(|(k, &styles)| {
+            let (projected, each): (Vec<f64>, Vec<f64>) = held.iter().map(|errors| errors[k]).unzip();
+            FitError {
+                styles,
+                by_correspondence: mean(&projected),
+                by_chamfer: mean(&each),
+                each,
+            }
         })
         .collect())
 }

@@ -1,7 +1,7 @@
 //! The linear prior: X(s) = mean + Σ s_k σ_k mode_k, the standard deviations folded into the basis.
 
 use super::ShapePrior;
-use super::learn::tree_of;
+use super::learn::spacing;
 use nalgebra::Vector3;
 
 /// A mean shape and S modes over N points, object frame.
@@ -143,13 +143,7 @@ impl ShapePrior for LinearPrior {
             .take(point_count)
             .map(Vector3::from_column_slice)
             .collect();
-        let tree = tree_of(&points);
-        let mut nearest: Vec<f64> = points
-            .iter()
-            .filter_map(|&p| tree.k_nearest(p.into(), 2).get(1).map(|n| n.distance))
-            .collect();
-        nearest.sort_by(f64::total_cmp);
-        nearest.get(nearest.len() / 2).copied().unwrap_or(0.0)
+        spacing(&points)
     }
 }
 

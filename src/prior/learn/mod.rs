@@ -16,7 +16,7 @@ mod synthetic;
 
 pub use outside::{OutsideSample, sample_outside};
 
-pub(super) use neighbours::tree_of;
+pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 
 use crate::cad::Mesh;
@@ -42,15 +42,15 @@ pub struct LearnOptions {
 impl Default for LearnOptions {
     fn default() -> Self {
         Self {
-            points: 16384,
-            coarse_points: 2048,
+            points: 32768,
+            coarse_points: 1024,
             passes: 4,
         }
     }
 }
 
 /// Area-uniform samples to draw per model, inside ones included.
-pub const SAMPLES: usize = 60_000;
+pub const SAMPLES: usize = 100_000;
 /// Registration looks at so many samples a template point; more cost time and change nothing to speak of.
 const SAMPLES_PER_POINT: usize = 3;
 

@@ -18,11 +18,17 @@ const ROUNDS: usize = 14;
 /// Weight of one of the shape's points pulling its nearest template point, against the pull the other way.
 const PULL_BACK: f64 = 0.5;
 const CONJUGATE_GRADIENT_STEPS: usize = 40;
+/// Weight that keeps the points beside the plane of symmetry beside it: the mirror images would part otherwise.
+const SEAM: f64 = 20.0;
+/// How wide that strip is, in spacings of the template.
+const SEAM_WIDTH: f64 = 1.5;
 
 /// A template with its neighbourhood graph; one half of a mirrored shape.
 pub struct Template {
     pub sample: OutsideSample,
     edges: Vec<[usize; 2]>,
+    /// Points closer than this to x = 0 stay at their distance.
+    seam: f64,
 }
 
 impl Template {
@@ -39,7 +45,12 @@ impl Template {
         }
         edges.sort_unstable();
         edges.dedup();
-        Self { sample, edges }
+        let spacing = super::neighbours::spacing(&sample.points);
+        Self {
+            sample,
+            edges,
+            seam: SEAM_WIDTH * spacing,
+        }
     }
 
     /// Where the template's points lie on `shape` (a dense half sample), starting from `start`.
@@ -71,37 +82,47 @@ impl Template {
         current
     }
 
-    /// a_i and t_i: the mean of what pulls each point.
+    /// a_i (per axis) and t_i: the mean of what pulls each point.
     fn goals(
         &self,
         current: &[V3],
         shape: &OutsideSample,
         whole: &OutsideSample,
         targets: &Neighbours<6>,
-    ) -> (Vec<f64>, Vec<V3>) {
-        let mut weights = vec![0.0; current.len()];
+    ) -> (Vec<V3>, Vec<V3>) {
+        let mut weights = vec![V3::zeros(); current.len()];
         let mut sums = vec![V3::zeros(); current.len()];
         for (i, (point, normal)) in current.iter().zip(&self.sample.normals).enumerate() {
             if let Some(near) = targets.nearest(oriented(point, normal, NORMAL_WEIGHT)) {
-                weights[i] += 1.0;
+                weights[i] += V3::repeat(1.0);
                 sums[i] += whole.points[near.index];
             }
         }
         let moved = tree(current, &self.sample.normals);
         for (point, normal) in shape.points.iter().zip(&shape.normals) {
             if let Some(near) = moved.nearest(oriented(point, normal, NORMAL_WEIGHT)) {
-                weights[near.index] += PULL_BACK;
+                weights[near.index] += V3::repeat(PULL_BACK);
                 sums[near.index] += point * PULL_BACK;
             }
         }
-        let goals = sums.iter().zip(&weights).map(|(s, w)| s / *w).collect();
+        for ((rest, weight), sum) in self.sample.points.iter().zip(&mut weights).zip(&mut sums) {
+            if rest.x < self.seam {
+                weight.x += SEAM;
+                sum.x += SEAM * rest.x;
+            }
+        }
+        let goals = sums
+            .iter()
+            .zip(&weights)
+            .map(|(s, w)| s.component_div(w))
+            .collect();
         (weights, goals)
     }
 
     /// Solves (diag(a) + λ L) d = diag(a) t by conjugate gradients from `solution` on.
-    fn solve(&self, weights: &[f64], goals: &[V3], stiffness: f64, solution: &mut [V3]) {
+    fn solve(&self, weights: &[V3], goals: &[V3], stiffness: f64, solution: &mut [V3]) {
         let apply = |x: &[V3]| {
-            let mut y: Vec<V3> = x.iter().zip(weights).map(|(x, w)| x * *w).collect();
+            let mut y: Vec<V3> = x.iter().zip(weights).map(|(x, w)| x.component_mul(w)).collect();
             for &[i, j] in &self.edges {
                 let pull = (x[i] - x[j]) * stiffness;
                 y[i] += pull;
@@ -114,7 +135,7 @@ impl Template {
             .iter()
             .zip(goals)
             .zip(weights)
-            .map(|((ax, g), w)| g * *w - ax)
+            .map(|((ax, g), w)| g.component_mul(w) - ax)
             .collect();
         let mut direction = residual.clone();
         let mut squared = dot(&residual, &residual);
