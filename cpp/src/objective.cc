@@ -21,7 +21,7 @@ std::unique_ptr<ceres::LossFunction> Scaled(double weight, ceres::LossFunction* 
   return std::make_unique<ceres::ScaledLoss>(rho, weight, ceres::TAKE_OWNERSHIP);
 }
 
-ceres::LossFunction* HuberOrNone(double width) { return width > 0 ? new ceres::HuberLoss(width) : nullptr; }
+ceres::LossFunction* CauchyOrNone(double width) { return width > 0 ? new ceres::CauchyLoss(width) : nullptr; }
 
 }  // namespace
 
@@ -74,11 +74,11 @@ void Objective::AddSilhouette(int frame, double pixel_weight, double point_weigh
   const double weight = 2.0 * weights_.silhouette / state_->inputs.size();
   const FrameInput& input = state_->inputs[frame];
   auto& to_silhouette = point_to_silhouette_.emplace_back();
-  to_silhouette.loss = Scaled(weight * point_weight, HuberOrNone(weights_.silhouette_huber));
+  to_silhouette.loss = Scaled(weight * point_weight, CauchyOrNone(weights_.silhouette_cauchy));
   for (int j = 0; j < input.silhouette_points; ++j) to_silhouette.blocks.emplace_back(*state_, frame, j);
   AddToProblem(frame, to_silhouette);
   auto& to_point = silhouette_to_point_.emplace_back();
-  to_point.loss = Scaled(weight * pixel_weight, HuberOrNone(weights_.silhouette_huber));
+  to_point.loss = Scaled(weight * pixel_weight, CauchyOrNone(weights_.silhouette_cauchy));
   for (size_t k = 0; k < input.silhouette_pixels.size(); ++k) {
     to_point.blocks.emplace_back(*state_, frame, static_cast<int>(k));
   }

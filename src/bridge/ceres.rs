@@ -21,7 +21,7 @@ pub mod ffi {
         /// λ1.
         silhouette_weight: f64,
         /// In pixels; 0 = none.
-        silhouette_huber: f64,
+        silhouette_cauchy: f64,
         /// λ2.
         inverse_depth_weight: f64,
         /// δ2, in the off-the-shelf reconstruction's inverse units.

@@ -90,9 +90,9 @@ struct ObjectiveArgs {
     /// λ1, weight of the silhouettes' Chamfer distance [default: 0.1]
     #[arg(long, value_name = "WEIGHT")]
     silhouette_weight: Option<f64>,
-    /// Huber width of a silhouette correspondence in pixels; 0 = none [default: 4; the paper has none]
+    /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 4; the paper has none]
     #[arg(long, value_name = "WIDTH")]
-    silhouette_huber: Option<f64>,
+    silhouette_cauchy: Option<f64>,
     /// λ2, weight of the inverse-depth term [default: 1000]
     #[arg(long, value_name = "WEIGHT")]
     inverse_depth_weight: Option<f64>,
@@ -206,6 +206,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         &mut objective.silhouette_weight,
         &args.objective.silhouette_weight,
     );
+    set(&mut objective.silhouette_cauchy, &args.objective.silhouette_cauchy);
     set(
         &mut objective.inverse_depth_weight,
         &args.objective.inverse_depth_weight,

@@ -90,7 +90,7 @@ impl<'a> Objective<'a> {
                 photometric_weight: options.photometric_weight * options.point_weight,
                 photometric_huber: options.photometric_huber,
                 silhouette_weight: options.silhouette_weight,
-                silhouette_huber: options.silhouette_huber,
+                silhouette_cauchy: options.silhouette_cauchy,
                 inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,

@@ -12,8 +12,9 @@ pub struct ObjectiveOptions {
     pub photometric_huber: f64,
     /// λ1: weight of the silhouettes' Chamfer distance L_cd.
     pub silhouette_weight: f64,
-    /// Huber width of a silhouette correspondence, in pixels; 0 means none, as in the paper.
-    pub silhouette_huber: f64,
+    /// Cauchy scale of a silhouette correspondence, in pixels: masks leak, and a leak must not pull for ever. 0
+    /// means none, as in the paper.
+    pub silhouette_cauchy: f64,
     /// λ2: weight of the inverse-depth term L_invd.
     pub inverse_depth_weight: f64,
     /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal.
@@ -46,7 +47,7 @@ impl Default for ObjectiveOptions {
             photometric_weight: 1.0,
             photometric_huber: 100.0,
             silhouette_weight: 0.1,
-            silhouette_huber: 4.0,
+            silhouette_cauchy: 4.0,
             inverse_depth_weight: 1000.0,
             inverse_depth_huber: 10.0,
             style_weight: 1.0,
@@ -88,7 +89,7 @@ impl ObjectiveOptions {
             ("silhouette_weight", self.silhouette_weight),
             ("inverse_depth_weight", self.inverse_depth_weight),
             ("style_weight", self.style_weight),
-            ("silhouette_huber", self.silhouette_huber),
+            ("silhouette_cauchy", self.silhouette_cauchy),
         ];
         for (name, weight) in weights {
             if !(weight.is_finite() && weight >= 0.0) {

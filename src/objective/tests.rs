@@ -227,7 +227,7 @@ fn the_silhouette_term_is_the_chamfer_distance() {
     let options = ObjectiveOptions {
         silhouette_pixels: 0,
         silhouette_points: 0,
-        silhouette_huber: 0.0,
+        silhouette_cauchy: 0.0,
         ..only(|o| o.silhouette_weight = 0.1)
     };
     let mut objective = objective(&sequence, &options, &at);
