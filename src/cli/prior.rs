@@ -106,9 +106,21 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn learn(args: &Learn) -> anyhow::Result<()> {
+    let options = args.models.options(args.points);
+    options.check()?;
+    if let Some(folder) = args
+        .out
+        .parent()
+        .filter(|f| !f.as_os_str().is_empty() && !f.is_dir())
+    {
+        bail!(
+            "--out {}: no folder {}: make it first",
+            args.out.display(),
+            folder.display()
+        );
+    }
     let (list, models) = args.models.load()?;
     let shapes = args.models.sample(&models, 1, 0);
-    let options = args.models.options(args.points);
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
     let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, found.normals, args.styles)?;
@@ -181,13 +193,14 @@ fn source_of(model: &NamedModel) -> PriorSource {
 }
 
 fn eval(args: &Eval) -> anyhow::Result<()> {
+    let options = args.models.options(args.points.max(8192));
+    options.check()?;
     let (list, models) = args.models.load()?;
     let shapes = args.models.sample(&models, 1, 0);
     // Another seed, since errors are measured on samples that were not learned from; and more of them, since the gaps
     // between them add to the error.
     let truth = args.models.sample(&models, 2, 1 << 32);
     let truth: Vec<_> = truth.into_iter().map(|shape| shape.outside).collect();
-    let options = args.models.options(args.points.max(8192));
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
     let groups = groups(&models, &list.near_duplicates)?;

@@ -195,7 +195,7 @@ fn to_bytes(prior: &LinearPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError
 
 /// Every odd point is the mirror image of the one before it; `columns` numbers per coordinate.
 fn check_mirrored(rows: &[f64], columns: usize) -> Result<(), PriorError> {
-    for (pair, both) in rows.chunks(6 * columns).enumerate() {
+    for (pair, both) in rows.chunks(6 * columns.max(1)).enumerate() {
         let (even, odd) = both.split_at(both.len() / 2);
         let mirrored = even.len() == odd.len()
             && even

@@ -49,6 +49,42 @@ impl Default for LearnOptions {
     }
 }
 
+impl LearnOptions {
+    /// What can be refused before any work is done.
+    pub fn check(&self) -> Result<(), LearnError> {
+        let within = |option, value: usize, low: usize, high: usize, range| {
+            let fine = (low..=high).contains(&value) && value.is_multiple_of(2);
+            if fine {
+                Ok(())
+            } else {
+                Err(LearnError::Option { option, value, range })
+            }
+        };
+        within(
+            "points",
+            self.points,
+            64,
+            65536,
+            "an even number from 64 to 65536",
+        )?;
+        within(
+            "coarse-points",
+            self.coarse_points,
+            64,
+            8192,
+            "an even number from 64 to 8192",
+        )?;
+        if self.passes == 0 {
+            return Err(LearnError::Option {
+                option: "passes",
+                value: 0,
+                range: "1 or more",
+            });
+        }
+        Ok(())
+    }
+}
+
 /// Area-uniform samples to draw per model, inside ones included.
 pub const SAMPLES: usize = 100_000;
 /// Registration looks at so many samples a template point; more cost time and change nothing to speak of.
@@ -112,7 +148,10 @@ pub fn correspond(
     options: &LearnOptions,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Correspondences, LearnError> {
-    check(shapes, options)?;
+    if shapes.len() < 3 {
+        return Err(LearnError::TooFewModels(shapes.len()));
+    }
+    options.check()?;
     let (half_count, coarse_count) = (options.points / 2, options.coarse_points / 2);
     let halves: Vec<OutsideSample> = shapes.iter().map(|s| s.outside.symmetrised().half()).collect();
     for (half, shape) in halves.iter().zip(shapes) {
@@ -179,42 +218,6 @@ pub fn correspond(
     });
     let mean = mean_template(&second, &template.sample.normals).sample;
     Ok(ordered(&mean, &second))
-}
-
-fn check(shapes: &[TrainingShape], options: &LearnOptions) -> Result<(), LearnError> {
-    if shapes.len() < 3 {
-        return Err(LearnError::TooFewModels(shapes.len()));
-    }
-    let within = |option, value: usize, low: usize, high: usize, range| {
-        let fine = (low..=high).contains(&value) && value.is_multiple_of(2);
-        if fine {
-            Ok(())
-        } else {
-            Err(LearnError::Option { option, value, range })
-        }
-    };
-    within(
-        "points",
-        options.points,
-        64,
-        65536,
-        "an even number from 64 to 65536",
-    )?;
-    within(
-        "coarse-points",
-        options.coarse_points,
-        64,
-        8192,
-        "an even number from 64 to 8192",
-    )?;
-    if options.passes == 0 {
-        return Err(LearnError::Option {
-            option: "passes",
-            value: 0,
-            range: "1 or more",
-        });
-    }
-    Ok(())
 }
 
 /// At most `count` entries at even strides; samples lie in order of their triangles, so these stay even.
