@@ -132,7 +132,7 @@ class PhotometricBlock : public Block<3> {
 };
 
 // Eq. 5, second sum: a point and the silhouette pixel nearest to it now.
-class PointToSilhouetteBlock : public Block<2> {
+class PointToSilhouetteBlock : public Block<1> {
  public:
   PointToSilhouetteBlock(const State& state, int frame, int point) : Block(state, frame), point_(point) {}
 
@@ -148,7 +148,7 @@ class PointToSilhouetteBlock : public Block<2> {
 };
 
 // Eq. 5, first sum: a silhouette pixel and the point whose projection is nearest to it now.
-class SilhouetteToPointBlock : public Block<2> {
+class SilhouetteToPointBlock : public Block<1> {
  public:
   SilhouetteToPointBlock(const State& state, int frame, int pixel) : Block(state, frame), pixel_(pixel) {}
 

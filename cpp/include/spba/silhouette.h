@@ -4,22 +4,32 @@
 
 #include <ceres/autodiff_cost_function.h>
 
+#include <cmath>
+
 #include "spba/camera.h"
 
 namespace spba {
 
-// residual[2] = pi(point_in_camera) - pixel, in pixels. Whoever pairs points and pixels decides which
+// residual[1] = |pi(point_in_camera) - pixel|, in pixels. Whoever pairs points and pixels decides which
 // direction of Eq. 5 this is; at a minimum over pairs the derivative of the minimum is that of the pair.
-// False where the point is behind the camera.
+//
+// The distance, not the difference: its square is the same, but its linearisation lets a point slide along
+// the outline, as it may, where the difference would nail it to one pixel. Gauss-Newton needs far fewer steps
+// so. False where the point is behind the camera.
 struct SilhouetteError {
   Pinhole camera;
   double pixel[2];
 
   template <typename T>
   bool operator()(const T* point_in_camera, T* residual) const {
-    if (!Project(camera, point_in_camera, residual)) return false;
-    residual[0] -= pixel[0];
-    residual[1] -= pixel[1];
+    using std::sqrt;
+    T projected[2];
+    if (!Project(camera, point_in_camera, projected)) return false;
+    const T x = projected[0] - pixel[0];
+    const T y = projected[1] - pixel[1];
+    const T squared = x * x + y * y;
+    // At the pixel itself the distance has no derivative, its square has a zero one.
+    residual[0] = squared < T(1e-18) ? squared : sqrt(squared);
     return true;
   }
 };
@@ -37,7 +47,7 @@ struct SilhouetteCost {
   }
 
   static ceres::CostFunction* Create(const SilhouetteError& error) {
-    return new ceres::AutoDiffCostFunction<SilhouetteCost, 2, 6, 6, 3>(new SilhouetteCost{error});
+    return new ceres::AutoDiffCostFunction<SilhouetteCost, 1, 6, 6, 3>(new SilhouetteCost{error});
   }
 };
 
