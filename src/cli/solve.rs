@@ -49,10 +49,10 @@ pub struct Args {
     strategy: Option<StrategyArg>,
     #[command(flatten)]
     objective: ObjectiveArgs,
-    /// Pyramid levels [default: 3; the paper mentions none]
+    /// Pyramid levels [default: 2; the paper mentions none]
     #[arg(long, value_name = "N")]
     levels: Option<usize>,
-    /// Steps of Algorithm 1 per pyramid level [default: 10]
+    /// Steps of Algorithm 1 per pyramid level [default: 6]
     #[arg(long, value_name = "N")]
     max_steps: Option<usize>,
     /// Ceres iterations per call [default: 20]
@@ -81,7 +81,7 @@ pub struct Args {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Objective")]
 struct ObjectiveArgs {
-    /// Weight of the photometric term [default: 1]
+    /// Weight of the photometric term [default: 5e-6; the paper's is 1]
     #[arg(long, value_name = "WEIGHT")]
     photometric_weight: Option<f64>,
     /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 100]
@@ -90,16 +90,16 @@ struct ObjectiveArgs {
     /// λ1, weight of the silhouettes' Chamfer distance [default: 0.1]
     #[arg(long, value_name = "WEIGHT")]
     silhouette_weight: Option<f64>,
-    /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 4; the paper has none]
+    /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 2; the paper has none]
     #[arg(long, value_name = "WIDTH")]
     silhouette_cauchy: Option<f64>,
     /// λ2, weight of the inverse-depth term [default: 1000]
     #[arg(long, value_name = "WEIGHT")]
     inverse_depth_weight: Option<f64>,
-    /// δ2, Huber width of an inverse-depth difference [default: 10]
+    /// δ2, Huber width of an inverse-depth difference [default: 0.03; the paper's is 10]
     #[arg(long, value_name = "WIDTH")]
     inverse_depth_huber: Option<f64>,
-    /// Weight of -log p(style), which keeps the shape plausible [default: 1; the paper has no such term]
+    /// Weight of -log p(style), which keeps the shape plausible [default: 5; the paper has no such term]
     #[arg(long, value_name = "WEIGHT")]
     style_weight: Option<f64>,
     /// Points of the prior to solve with; 0 = all [default: 8192]
@@ -206,7 +206,10 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         &mut objective.silhouette_weight,
         &args.objective.silhouette_weight,
     );
-    set(&mut objective.silhouette_cauchy, &args.objective.silhouette_cauchy);
+    set(
+        &mut objective.silhouette_cauchy,
+        &args.objective.silhouette_cauchy,
+    );
     set(
         &mut objective.inverse_depth_weight,
         &args.objective.inverse_depth_weight,

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectiveOptions {
-    /// Weight of the photometric term L_ph (the paper's is 1).
+    /// Weight of the photometric term L_ph. The paper's is 1; but Eq. 4 sums squared colour levels over all
+    /// points and frames, where Eq. 5 and 6 are means over frames, and at 1 it drowns them a thousandfold.
     pub photometric_weight: f64,
     /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255].
     pub photometric_huber: f64,
@@ -17,9 +18,11 @@ pub struct ObjectiveOptions {
     pub silhouette_cauchy: f64,
     /// λ2: weight of the inverse-depth term L_invd.
     pub inverse_depth_weight: f64,
-    /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal.
+    /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal. The paper's 10 is never reached by an
+    /// object at more than a tenth of its diagonal, and lets the outliers of semi-dense depth pull freely.
     pub inverse_depth_huber: f64,
-    /// Weight of −log p(s) = ½‖s‖²; 0 leaves it out, as the paper does.
+    /// Weight of −log p(s) = ½‖s‖²; 0 leaves it out, as the paper does. Without it a shape seen from few sides
+    /// runs off to styles that no car has.
     pub style_weight: f64,
     /// N: how many of the prior's points to use; 0 means all.
     pub points: usize,
@@ -44,13 +47,13 @@ pub(super) fn limit(wanted: usize, all: usize) -> usize {
 impl Default for ObjectiveOptions {
     fn default() -> Self {
         Self {
-            photometric_weight: 1.0,
+            photometric_weight: 5e-6,
             photometric_huber: 100.0,
             silhouette_weight: 0.1,
-            silhouette_cauchy: 4.0,
+            silhouette_cauchy: 2.0,
             inverse_depth_weight: 1000.0,
-            inverse_depth_huber: 10.0,
-            style_weight: 1.0,
+            inverse_depth_huber: 0.03,
+            style_weight: 5.0,
             points: 8192,
             silhouette_pixels: 2000,
             silhouette_points: 2048,

@@ -63,11 +63,11 @@ impl Default for SolverOptions {
                 initial_trust_region_radius: default_trust_region_radius(),
             },
             strategy: Strategy::Joint,
-            max_steps: 10,
+            max_steps: 6,
             iterations_per_call: 20,
             threshold: 0.0,
             tolerance: 1e-3,
-            levels: 3,
+            levels: 2,
         }
     }
 }
