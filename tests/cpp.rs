@@ -1,5 +1,7 @@
 //! The headers as a C++ stack sees them: compiled by themselves against Ceres and Eigen, and run.
 
+#![allow(clippy::unwrap_used)]
+
 use std::path::Path;
 use std::process::Command;
 

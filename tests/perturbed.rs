@@ -3,6 +3,8 @@
 //! The figures for all 20 seeds:
 //! `cargo test --release --test perturbed -- --ignored --nocapture`
 
+#![allow(clippy::unwrap_used)]
+
 use nalgebra::{Rotation3, Unit, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -107,7 +107,7 @@ pub(crate) mod tests {
     pub(crate) fn any_pose() -> impl Strategy<Value = Pose> {
         (
             proptest::array::uniform3(-1.0..1.0f64),
-            0.0..3.14f64,
+            0.0..std::f64::consts::PI,
             proptest::array::uniform3(-3.0..3.0f64),
         )
             .prop_map(|(axis, angle, t)| {

@@ -167,7 +167,8 @@ fn to_bytes(prior: &LinearPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError
         .iter()
         .flat_map(|&row| (mean[row] as f32).to_le_bytes())
         .collect();
-    let normals: Vec<u8> = super::ShapePrior::normals(prior)
+    let normals: Vec<u8> = prior
+        .normals()
         .iter()
         .step_by(stride)
         .flatten()

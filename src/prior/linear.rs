@@ -105,6 +105,23 @@ impl LinearPrior {
         self.points(style, &mut points);
         points.chunks_exact(3).map(Vector3::from_column_slice).collect()
     }
+
+    /// N outward unit normals of the mean shape.
+    pub fn normals(&self) -> &[[f32; 3]] {
+        &self.normals
+    }
+
+    /// How far apart the first `point_count` points lie on the mean shape: the median distance to the nearest
+    /// other point, object units. 0 below two points.
+    pub fn sample_spacing(&self, point_count: usize) -> f64 {
+        let points: Vec<Vector3<f64>> = self
+            .mean
+            .chunks_exact(3)
+            .take(point_count)
+            .map(Vector3::from_column_slice)
+            .collect();
+        spacing(&points)
+    }
 }
 
 impl ShapePrior for LinearPrior {
@@ -130,20 +147,6 @@ impl ShapePrior for LinearPrior {
 
     fn jacobian(&self, _style: &[f64], jacobian: &mut [f64]) {
         jacobian.copy_from_slice(&self.basis[..jacobian.len()]);
-    }
-
-    fn normals(&self) -> &[[f32; 3]] {
-        &self.normals
-    }
-
-    fn sample_spacing(&self, point_count: usize) -> f64 {
-        let points: Vec<Vector3<f64>> = self
-            .mean
-            .chunks_exact(3)
-            .take(point_count)
-            .map(Vector3::from_column_slice)
-            .collect();
-        spacing(&points)
     }
 }
 

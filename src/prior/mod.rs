@@ -28,11 +28,4 @@ pub trait ShapePrior: Send + Sync {
 
     /// ∂X/∂s at `style`: fills `jacobian` (rows x0 y0 z0 x1 …, S columns, row-major), for the same prefix.
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]);
-
-    /// N outward unit normals of the mean shape.
-    fn normals(&self) -> &[[f32; 3]];
-
-    /// How far apart the first `point_count` points lie on the mean shape: the median distance to the nearest
-    /// other point, object units. 0 below two points.
-    fn sample_spacing(&self, point_count: usize) -> f64;
 }

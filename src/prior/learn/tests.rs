@@ -1,6 +1,6 @@
 use super::synthetic::toy_car;
 use super::*;
-use crate::prior::{LinearPrior, PriorInfo, ShapePrior};
+use crate::prior::{LinearPrior, PriorInfo};
 
 const POINTS: usize = 512;
 
