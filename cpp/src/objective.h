@@ -17,7 +17,7 @@ struct Weights {
   double photometric;
   double photometric_huber;    // delta_1
   double silhouette;           // lambda_1
-  double silhouette_cauchy;     // pixels; 0 = none
+  double silhouette_cauchy;    // pixels; 0 = none
   double inverse_depth;        // lambda_2
   double inverse_depth_huber;  // delta_2
   double style;                // of -log p(s) = |s|^2 / 2

@@ -14,7 +14,8 @@ void remap(rust::Slice<const float> source, std::size_t width, std::size_t heigh
            rust::Slice<float> target) {
   // OpenCV's remap addresses pixels with 16 bits.
   constexpr std::size_t kLargestSide = std::numeric_limits<short>::max() - 1;
-  if (width == 0 || height == 0 || width > kLargestSide || height > kLargestSide || channels == 0 || channels > 4) {
+  if (width == 0 || height == 0 || width > kLargestSide || height > kLargestSide || channels == 0 ||
+      channels > 4) {
     throw std::invalid_argument("image size is not supported by OpenCV's remap");
   }
   const std::size_t pixels = width * height;

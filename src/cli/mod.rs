@@ -23,7 +23,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
-    Solve(solve::Args),
+    Solve(Box<solve::Args>),
     Inspect(inspect::Args),
     Import(import::Args),
     Eval(eval::Args),

@@ -7,7 +7,7 @@ use spba_ceres::config::Config;
 use spba_ceres::prior::{self, ShapePrior};
 use spba_ceres::report::{self, ReportInput, Surface};
 use spba_ceres::solver::{
-    Minimiser, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius,
+    Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius,
 };
 use spba_ceres::{init, sequence, solver};
 use std::path::PathBuf;
@@ -47,6 +47,9 @@ pub struct Args {
     /// (alternating) [default: joint; the paper alternates]
     #[arg(long)]
     strategy: Option<StrategyArg>,
+    /// How the scale α is renewed [default: symmetric; the paper's Eq. 8 is regression]
+    #[arg(long)]
+    scale_update: Option<ScaleUpdateArg>,
     #[command(flatten)]
     objective: ObjectiveArgs,
     /// Pyramid levels [default: 2; the paper mentions none]
@@ -111,6 +114,12 @@ struct ObjectiveArgs {
 enum Method {
     Lm,
     Lbfgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ScaleUpdateArg {
+    Regression,
+    Symmetric,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -226,6 +235,11 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     set(&mut solver.iterations_per_call, &args.iterations);
     set(&mut solver.threshold, &args.threshold);
     set(&mut solver.tolerance, &args.tolerance);
+    match args.scale_update {
+        Some(ScaleUpdateArg::Regression) => solver.scale_update = ScaleUpdate::Regression,
+        Some(ScaleUpdateArg::Symmetric) => solver.scale_update = ScaleUpdate::Symmetric,
+        None => {}
+    }
     match args.strategy {
         Some(StrategyArg::Alternating) => solver.strategy = Strategy::Alternating,
         Some(StrategyArg::Joint) => solver.strategy = Strategy::Joint,

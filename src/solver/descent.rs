@@ -81,9 +81,12 @@ pub(super) fn descend(
             }
             let after = objective.evaluate()?.total;
             let estimate = objective.estimate()?;
-            if let Some(alpha) =
-                scale_from_motion(&estimate, camera_from_input, &mean_point(&objective.points()?))
-            {
+            if let Some(alpha) = scale_from_motion(
+                &estimate,
+                camera_from_input,
+                &mean_point(&objective.points()?),
+                options.scale_update,
+            ) {
                 objective.set_alpha(alpha)?;
             }
             if after < options.threshold {

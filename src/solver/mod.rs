@@ -8,7 +8,7 @@ mod solution;
 
 pub use options::{Minimiser, SolverOptions, Strategy, default_lbfgs_rank, default_trust_region_radius};
 pub use progress::Observer;
-pub use scale::scale_from_motion;
+pub use scale::{ScaleUpdate, scale_from_motion};
 pub use solution::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
 
 use crate::geometry::Pose;

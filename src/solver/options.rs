@@ -1,5 +1,6 @@
 //! How to minimise Eq. 9.
 
+use super::ScaleUpdate;
 use serde::{Deserialize, Serialize};
 
 /// Which of Ceres's minimisers.
@@ -44,6 +45,8 @@ pub enum Strategy {
 pub struct SolverOptions {
     pub minimiser: Minimiser,
     pub strategy: Strategy,
+    /// How α is renewed after every step; the paper's Eq. 8 is `regression`.
+    pub scale_update: ScaleUpdate,
     /// Steps of Algorithm 1 per pyramid level; visibility and α are renewed before each.
     pub max_steps: usize,
     /// Ceres iterations per call.
@@ -63,6 +66,7 @@ impl Default for SolverOptions {
                 initial_trust_region_radius: default_trust_region_radius(),
             },
             strategy: Strategy::Joint,
+            scale_update: ScaleUpdate::Symmetric,
             max_steps: 6,
             iterations_per_call: 20,
             threshold: 0.0,
