@@ -84,7 +84,7 @@ pub struct Args {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Objective")]
 struct ObjectiveArgs {
-    /// Weight of the photometric term [default: 5e-6; the paper's is 1]
+    /// Weight of the photometric term [default: 1e-5; the paper's is 1]
     #[arg(long, value_name = "WEIGHT")]
     photometric_weight: Option<f64>,
     /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 100]
@@ -102,7 +102,7 @@ struct ObjectiveArgs {
     /// δ2, Huber width of an inverse-depth difference [default: 0.03; the paper's is 10]
     #[arg(long, value_name = "WIDTH")]
     inverse_depth_huber: Option<f64>,
-    /// Weight of -log p(style), which keeps the shape plausible [default: 5; the paper has no such term]
+    /// Weight of -log p(style), which keeps the shape plausible [default: 10; the paper has no such term]
     #[arg(long, value_name = "WEIGHT")]
     style_weight: Option<f64>,
     /// Points of the prior to solve with; 0 = all [default: 8192]

@@ -47,13 +47,13 @@ pub(super) fn limit(wanted: usize, all: usize) -> usize {
 impl Default for ObjectiveOptions {
     fn default() -> Self {
         Self {
-            photometric_weight: 5e-6,
+            photometric_weight: 1e-5,
             photometric_huber: 100.0,
             silhouette_weight: 0.1,
             silhouette_cauchy: 2.0,
             inverse_depth_weight: 1000.0,
             inverse_depth_huber: 0.03,
-            style_weight: 5.0,
+            style_weight: 10.0,
             points: 8192,
             silhouette_pixels: 2000,
             silhouette_points: 2048,
