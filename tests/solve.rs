@@ -1,0 +1,163 @@
+//! `solve` on input, options and priors that cannot be used: one line that names what is wrong and how to mend it, exit
+//! status 1, no output folder. And on input that can: the same bytes twice.
+#![allow(clippy::unwrap_used)]
+
+use assert_cmd::Command;
+use std::path::{Path, PathBuf};
+
+fn car() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sequences/car")
+}
+
+fn solve(input: &Path, out: &Path, options: &[&str]) -> assert_cmd::assert::Assert {
+    let mut command = Command::cargo_bin("spba-ceres").unwrap();
+    command
+        .arg("solve")
+        .arg(input)
+        .arg("--out")
+        .arg(out)
+        .args(options)
+        .assert()
+}
+
+fn refused(input: &Path, options: &[&str], words: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let assert = solve(input, &out, options).failure().code(1);
+    let message = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    for word in words {
+        assert!(message.contains(word), "`{word}` is not in: {message}");
+    }
+    assert_eq!(
+        std::fs::read_dir(folder.path()).unwrap().count(),
+        0,
+        "something was left behind"
+    );
+}
+
+#[test]
+fn options_that_do_not_go_together() {
+    let trust_region = ["--solver", "lbfgs", "--trust-region-radius", "10"];
+    refused(&car(), &trust_region, &["--trust-region-radius", "--solver lm"]);
+    refused(
+        &car(),
+        &["--lbfgs-rank", "5"],
+        &["--lbfgs-rank", "--solver lbfgs"],
+    );
+    refused(
+        &car(),
+        &["--photometric-huber", "0"],
+        &["photometric_huber", "more than 0"],
+    );
+    refused(&car(), &["--levels", "0"], &["levels", "1 to 8"]);
+    refused(&car(), &["--frames", "3..3"], &["3..3"]);
+    refused(&car(), &["--frames", "0..1"], &["frame"]);
+}
+
+#[test]
+fn priors_that_cannot_be_used() {
+    refused(&car(), &["--prior", "boat"], &["boat", "car"]);
+    let folder = tempfile::tempdir().unwrap();
+    let bundled = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/priors/car.safetensors");
+    let bytes = std::fs::read(&bundled).unwrap();
+    let path = folder.path().join("other.safetensors");
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    refused(
+        &car(),
+        &["--prior", path.to_str().unwrap()],
+        &["other.safetensors"],
+    );
+    // The version, in the header's JSON inside JSON: same length, another number.
+    let newer = replaced(&bytes, b"\\\"schema\\\":1", b"\\\"schema\\\":9");
+    std::fs::write(&path, newer).unwrap();
+    refused(
+        &car(),
+        &["--prior", path.to_str().unwrap()],
+        &["other.safetensors", "schema", "9"],
+    );
+}
+
+fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let at = bytes
+        .windows(from.len())
+        .position(|window| window == from)
+        .unwrap();
+    [&bytes[..at], to, &bytes[at + from.len()..]].concat()
+}
+
+#[test]
+fn configuration_with_an_unknown_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.toml");
+    std::fs::write(&path, "[objective]\nsilhouete_weight = 1.0\n").unwrap();
+    refused(
+        &car(),
+        &["--config", path.to_str().unwrap()],
+        &["run.toml", "silhouete_weight"],
+    );
+}
+
+#[test]
+fn an_output_folder_in_use_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("mine"), "kept").unwrap();
+    solve(&car(), folder.path(), &[]).failure().code(1);
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("mine")).unwrap(),
+        "kept"
+    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// Two frames, few points, one step: quick, but through the whole house, with either minimiser.
+const QUICK: [&str; 14] = [
+    "--frames",
+    "0..2",
+    "--points",
+    "512",
+    "--hypotheses",
+    "2",
+    "--levels",
+    "1",
+    "--max-steps",
+    "1",
+    "--iterations",
+    "3",
+    "--tolerance",
+    "0.01",
+];
+
+#[test]
+fn the_same_input_gives_the_same_bytes_whatever_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, threads) in [("a", "1"), ("b", "2")] {
+        let options = [&QUICK[..], &["--threads", threads]].concat();
+        solve(&car(), &folder.path().join(name), &options).success();
+    }
+    for file in ["shape.ply", "cameras.txt", "colmap/images.txt", "overlay.png"] {
+        let read = |name: &str| std::fs::read(folder.path().join(name).join(file)).unwrap();
+        assert!(read("a") == read("b"), "{file} differs");
+    }
+}
+
+#[test]
+fn the_papers_configuration_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/paper.toml");
+    let options = [&QUICK[..], &["--config", paper.to_str().unwrap()]].concat();
+    solve(&car(), &out, &options).success();
+    let config = std::fs::read_to_string(out.join("config.toml")).unwrap();
+    assert!(
+        config.contains("method = \"lbfgs\"") && config.contains("strategy = \"alternating\""),
+        "{config}"
+    );
+    let result: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("result.json")).unwrap()).unwrap();
+    let (start, end) = (
+        &result["objective"]["start"]["total"],
+        &result["objective"]["end"]["total"],
+    );
+    assert!(end.as_f64().unwrap() < start.as_f64().unwrap());
+}
