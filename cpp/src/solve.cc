@@ -98,7 +98,9 @@ ceres::Solver::Options ToCeres(const SolveOptions& options, Variables* variables
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (Vector6& motion : variables->motion) ordering->AddElementToGroup(motion.data(), 0);
     ordering->AddElementToGroup(variables->target_from_object.data(), 1);
-    ordering->AddElementToGroup(variables->style.data(), 1);
+    // A group of its own: Ceres orders the members of a group by their addresses, and the result would depend
+    // on where they happen to lie.
+    ordering->AddElementToGroup(variables->style.data(), 2);
     ceres_options.linear_solver_ordering = ordering;
   }
   return ceres_options;
