@@ -14,7 +14,7 @@ pub use distance::NearestPixel;
 pub use error::ImageError;
 pub use files::{read_mask, read_rgb, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
-pub use pyramid::{depth_pyramid, halve_depth, halve_image, halve_mask, mask_pyramid, pyramid};
+pub use pyramid::{halve_depth, halve_image, halve_mask, pyramid};
 
 pub(crate) use files::one_line;
 pub(crate) use remap::PixelMap;

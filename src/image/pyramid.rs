@@ -9,16 +9,6 @@ pub fn pyramid(image: RgbImage, levels: usize) -> Vec<RgbImage> {
     build(image, levels, halve_image)
 }
 
-/// [`pyramid`] for masks.
-pub fn mask_pyramid(mask: Mask, levels: usize) -> Vec<Mask> {
-    build(mask, levels, halve_mask)
-}
-
-/// [`pyramid`] for depth maps.
-pub fn depth_pyramid(depth: DepthMap, levels: usize) -> Vec<DepthMap> {
-    build(depth, levels, halve_depth)
-}
-
 fn build<T>(finest: T, levels: usize, halve: impl Fn(&T) -> T) -> Vec<T> {
     let mut pyramid = vec![finest];
     while pyramid.len() < levels {
