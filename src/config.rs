@@ -45,6 +45,10 @@ pub struct InputOptions {
     pub frames: String,
     /// Every so many of these frames.
     pub every: usize,
+    /// The target frame (p0, frame 0 of Eq. 4), counted among the frames in use; none = the middle one, which
+    /// shares the most with all others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<usize>,
 }
 
 impl Default for InputOptions {
@@ -53,17 +57,36 @@ impl Default for InputOptions {
             depth: None,
             frames: "..".to_owned(),
             every: 1,
+            target: None,
         }
     }
 }
 
 impl InputOptions {
+    /// The index of the target among `frames` frames.
+    pub fn target_of(&self, frames: usize) -> Result<usize, TargetError> {
+        let target = self.target.unwrap_or(frames / 2);
+        if target < frames {
+            Ok(target)
+        } else {
+            Err(TargetError { target, frames })
+        }
+    }
+
     pub fn load_options(&self) -> Result<LoadOptions, WindowError> {
         Ok(LoadOptions {
             depth: self.depth.clone(),
             window: FrameWindow::parse(&self.frames, self.every)?,
         })
     }
+}
+
+/// No such target frame.
+#[derive(Debug, thiserror::Error)]
+#[error("target {target}: there are {frames} frames in use; give 0 to {}", frames - 1)]
+pub struct TargetError {
+    target: usize,
+    frames: usize,
 }
 
 /// Why a configuration file cannot be used.

@@ -29,6 +29,9 @@ pub struct VisiblePoint {
 pub struct Visibility {
     /// In row-major order of their pixels.
     pub points: Vec<VisiblePoint>,
+    /// Per point of X: whether nothing hides it. All of `points` are, and with surfels also those that share a
+    /// pixel with one of them and lie no more than a sample spacing behind it.
+    pub unoccluded: Vec<bool>,
 }
 
 /// The points (xyz after xyz, object frame) that the camera sees in an image of `size` (width, height).
@@ -44,13 +47,17 @@ pub fn visible_points(
     surfels: Option<&Surfels>,
 ) -> Visibility {
     let (width, height) = size;
-    let mut nearest: Vec<Option<VisiblePoint>> = vec![None; width * height];
     let in_camera: Vec<Vector3<f64>> = points
         .chunks_exact(3)
         .map(|x| camera_from_object.transform(&Vector3::new(x[0], x[1], x[2])))
         .collect();
-    for (index, point) in in_camera.iter().enumerate() {
-        let Some((column, row)) = camera.project(point).and_then(|u| pixel(u.x, u.y, size)) else {
+    let pixels: Vec<Option<(usize, usize)>> = in_camera
+        .iter()
+        .map(|point| camera.project(point).and_then(|u| pixel(u.x, u.y, size)))
+        .collect();
+    let mut nearest: Vec<Option<VisiblePoint>> = vec![None; width * height];
+    for (index, (point, pixel)) in in_camera.iter().zip(&pixels).enumerate() {
+        let &Some((column, row)) = pixel else {
             continue;
         };
         let inverse_depth = 1.0 / point.z;
@@ -72,8 +79,19 @@ pub fn visible_points(
             &mut nearest,
         );
     }
+    let tolerance = surfels.map_or(0.0, Surfels::spacing);
+    let unoccluded = in_camera
+        .iter()
+        .zip(&pixels)
+        .map(|(point, pixel)| {
+            pixel
+                .and_then(|(column, row)| nearest[row * width + column])
+                .is_some_and(|seen| point.z <= 1.0 / seen.inverse_depth + tolerance)
+        })
+        .collect();
     Visibility {
         points: nearest.into_iter().flatten().collect(),
+        unoccluded,
     }
 }
 

@@ -2,7 +2,7 @@
 // that a pixel sees, in camera coordinates, and carries the derivative on to p0, dp_l and s by the chain rule
 // with what State caches.
 //
-// Parameter blocks: (p0, s) where only the target frame is concerned, else (p0, dp_l, s). The parameters'
+// Parameter blocks: (p0, s) where only the target frame is concerned, else (p0, dp_l, s); Eq. 6 adds log alpha. The parameters'
 // values come from State, which Ceres brings up to date before it evaluates any block.
 #ifndef SPBA_BLOCKS_H_
 #define SPBA_BLOCKS_H_
@@ -139,7 +139,8 @@ class PointToSilhouetteBlock : public Block<1> {
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
     if (!Usable(frame_)) return false;
     const Vector2& pixel = state_.frames[frame_].nearest_pixel[point_];
-    const SilhouetteError error{state_.inputs[frame_].camera, {pixel.x(), pixel.y()}};
+    const SilhouetteError error{
+        state_.inputs[frame_].camera, {pixel.x(), pixel.y()}, state_.silhouette_tolerance};
     return EvaluateOnePoint(error, point_, residuals, jacobians);
   }
 
@@ -156,7 +157,7 @@ class SilhouetteToPointBlock : public Block<1> {
     if (!Usable(frame_)) return false;
     const FrameInput& input = state_.inputs[frame_];
     const Vector2& pixel = input.silhouette_pixels[pixel_];
-    const SilhouetteError error{input.camera, {pixel.x(), pixel.y()}};
+    const SilhouetteError error{input.camera, {pixel.x(), pixel.y()}, state_.silhouette_tolerance};
     return EvaluateOnePoint(error, state_.frames[frame_].nearest_point[pixel_], residuals, jacobians);
   }
 
@@ -164,14 +165,28 @@ class SilhouetteToPointBlock : public Block<1> {
   const int pixel_;
 };
 
-// Eq. 6 at one pixel.
+// Eq. 6 at one pixel. Its last parameter block is log alpha: a scale is positive.
 class InverseDepthBlock : public Block<1> {
  public:
   InverseDepthBlock(const State& state, int frame, int point, const InverseDepthError& error)
-      : Block(state, frame), point_(point), error_(error) {}
+      : Block(state, frame), point_(point), error_(error) {
+    mutable_parameter_block_sizes()->push_back(1);
+  }
 
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
-    return EvaluateOnePoint(error_, point_, residuals, jacobians);
+    if (!Usable(frame_)) return false;
+    const double alpha = std::exp(state_.variables.log_alpha);
+    const double* in_frame = PointInCamera(frame_, point_);
+    if (jacobians == nullptr) return error_(in_frame, &alpha, residuals);
+    ceres::Jet<double, 4> point[3], alpha_jet(alpha, 3), output;
+    SeedJets(in_frame, 0, point);
+    if (!error_(point, &alpha_jet, &output)) return false;
+    residuals[0] = output.a;
+    const PointJacobian<1> by_frame = output.v.head<3>().transpose();
+    ChainRule(point_, by_frame, nullptr, jacobians);
+    double* by_log_alpha = jacobians[parameter_block_sizes().size() - 1];
+    if (by_log_alpha != nullptr) *by_log_alpha = output.v[3] * alpha;
+    return true;
   }
 
  private:

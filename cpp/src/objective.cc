@@ -31,6 +31,7 @@ Objective::Objective(State* state, const Weights& weights)
   problem_.AddParameterBlock(variables.target_from_object.data(), 6);
   for (Vector6& motion : variables.motion) problem_.AddParameterBlock(motion.data(), 6);
   problem_.AddParameterBlock(variables.style.data(), state->style_count());
+  problem_.AddParameterBlock(&variables.log_alpha, 1);
   if (weights.style > 0) {
     const int s = state->style_count();
     style_block_ =
@@ -41,17 +42,13 @@ Objective::Objective(State* state, const Weights& weights)
 }
 
 template <typename Block>
-void Objective::AddToProblem(int frame, BlockGroup<Block>& group) {
+void Objective::AddToProblem(int frame, BlockGroup<Block>& group, double* last) {
   Variables& variables = state_->variables;
-  for (Block& block : group.blocks) {
-    if (frame == 0) {
-      problem_.AddResidualBlock(&block, group.loss.get(), variables.target_from_object.data(),
-                                variables.style.data());
-    } else {
-      problem_.AddResidualBlock(&block, group.loss.get(), variables.target_from_object.data(),
-                                variables.motion[frame - 1].data(), variables.style.data());
-    }
-  }
+  std::vector<double*> parameters{variables.target_from_object.data()};
+  if (frame > 0) parameters.push_back(variables.motion[frame - 1].data());
+  parameters.push_back(variables.style.data());
+  if (last != nullptr) parameters.push_back(last);
+  for (Block& block : group.blocks) problem_.AddResidualBlock(&block, group.loss.get(), parameters);
 }
 
 void Objective::AddPhotometric(int frame, const std::vector<uint32_t>& points,
@@ -86,15 +83,15 @@ void Objective::AddSilhouette(int frame, double pixel_weight, double point_weigh
 }
 
 void Objective::AddInverseDepth(int frame, const std::vector<uint32_t>& points,
-                                const std::vector<double>& inverse_depth, double alpha) {
+                                const std::vector<double>& inverse_depth) {
   auto& group = inverse_depth_.emplace_back();
   group.loss = Scaled(weights_.inverse_depth / state_->inputs.size(),
                       new ceres::HuberLoss(weights_.inverse_depth_huber));
   for (size_t i = 0; i < points.size(); ++i) {
     group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]),
-                              InverseDepthError{inverse_depth[i], alpha});
+                              InverseDepthError{inverse_depth[i]});
   }
-  AddToProblem(frame, group);
+  AddToProblem(frame, group, &state_->variables.log_alpha);
 }
 
 double Objective::StyleCost() const {

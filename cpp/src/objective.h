@@ -52,7 +52,7 @@ class Objective {
                       const PhotometricError& error);
   void AddSilhouette(int frame, double pixel_weight, double point_weight);
   void AddInverseDepth(int frame, const std::vector<uint32_t>& points,
-                       const std::vector<double>& inverse_depth, double alpha);
+                       const std::vector<double>& inverse_depth);
 
   ceres::Problem& problem() { return problem_; }
 
@@ -69,8 +69,9 @@ class Objective {
     for (const auto& group : groups) sum += group.Cost();
     return sum;
   }
+  // `last` is a block's parameter block after p0, dp_l and s; null = none.
   template <typename Block>
-  void AddToProblem(int frame, BlockGroup<Block>& group);
+  void AddToProblem(int frame, BlockGroup<Block>& group, double* last = nullptr);
 
   State* state_;
   Weights weights_;

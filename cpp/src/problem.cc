@@ -41,6 +41,7 @@ Problem::Problem(const ProblemOptions& options, Prior prior)
       inverse_depth_(options.frames),
       silhouette_weights_(options.frames) {
   state_.inputs.resize(options.frames);
+  state_.silhouette_tolerance = options.silhouette_tolerance;
   state_.variables.target_from_object.setZero();
   state_.variables.motion.assign(options.frames - 1, Vector6::Zero());
 }
@@ -122,10 +123,10 @@ void Problem::set_inverse_depth(size_t frame, rust::Slice<const uint32_t> points
 
 void Problem::set_alpha(double alpha) {
   Require(std::isfinite(alpha) && alpha > 0, "alpha must be positive");
-  if (alpha == alpha_) return;
-  alpha_ = alpha;
-  Changed();
+  state_.variables.log_alpha = std::log(alpha);
 }
+
+double Problem::alpha() const { return std::exp(state_.variables.log_alpha); }
 
 void Problem::set_variables(rust::Slice<const double> target_from_object, rust::Slice<const double> motion,
                             rust::Slice<const double> style) {
@@ -161,7 +162,7 @@ void Problem::Prepare(bool with_jacobian) {
       if (state_.inputs[l].silhouette) {
         objective_->AddSilhouette(frame, silhouette_weights_[l].pixel, silhouette_weights_[l].point);
       }
-      objective_->AddInverseDepth(frame, inverse_depth_[l].points, inverse_depth_[l].inverse_depth, alpha_);
+      objective_->AddInverseDepth(frame, inverse_depth_[l].points, inverse_depth_[l].inverse_depth);
       if (photometric_[l].points.empty()) continue;
       Require(photometric_[0].image && photometric_[l].image,
               "photometric points in a frame without an image");

@@ -35,6 +35,7 @@ class Problem {
   void set_inverse_depth(size_t frame, rust::Slice<const uint32_t> points,
                          rust::Slice<const double> inverse_depth);
   void set_alpha(double alpha);
+  double alpha() const;
   void set_variables(rust::Slice<const double> target_from_object, rust::Slice<const double> motion,
                      rust::Slice<const double> style);
   void get_variables(rust::Slice<double> target_from_object, rust::Slice<double> motion,
@@ -73,7 +74,6 @@ class Problem {
   std::vector<Photometric> photometric_;
   std::vector<InverseDepth> inverse_depth_;
   std::vector<SilhouetteWeights> silhouette_weights_;
-  double alpha_ = 1.0;
   std::unique_ptr<Objective> objective_;  // null when the inputs changed
 };
 

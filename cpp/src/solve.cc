@@ -54,7 +54,8 @@ class Reporter : public ceres::IterationCallback {
     }
     iterations = summary.iteration;
     const bool go_on =
-        observer_->on_iteration({static_cast<uint32_t>(summary.iteration), terms, summary.gradient_norm,
+        observer_->on_iteration({static_cast<uint32_t>(summary.iteration), terms,
+                                 std::exp(state_->variables.log_alpha), summary.gradient_norm,
                                  state_->counts().residual, state_->counts().jacobian});
     interrupted = !go_on;
     return go_on ? ceres::SOLVER_CONTINUE : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
@@ -101,6 +102,7 @@ ceres::Solver::Options ToCeres(const SolveOptions& options, Variables* variables
     // A group of its own: Ceres orders the members of a group by their addresses, and the result would depend
     // on where they happen to lie.
     ordering->AddElementToGroup(variables->style.data(), 2);
+    ordering->AddElementToGroup(&variables->log_alpha, 3);
     ceres_options.linear_solver_ordering = ordering;
   }
   return ceres_options;
@@ -135,12 +137,13 @@ void Problem::gradient(rust::Slice<double> gradient) {
   options.parameter_blocks.push_back(variables.target_from_object.data());
   for (Vector6& motion : variables.motion) options.parameter_blocks.push_back(motion.data());
   options.parameter_blocks.push_back(variables.style.data());
+  options.parameter_blocks.push_back(&variables.log_alpha);
   for (double* block : options.parameter_blocks) SetFree(&objective_->problem(), block, true);
   std::vector<double> values;
   if (!objective_->problem().Evaluate(options, nullptr, nullptr, &values, nullptr)) {
     throw std::runtime_error("the objective could not be evaluated");
   }
-  if (values.size() != gradient.size()) throw std::invalid_argument("the gradient has 6 L + S entries");
+  if (values.size() != gradient.size()) throw std::invalid_argument("the gradient has 6 L + S + 1 entries");
   std::copy(values.begin(), values.end(), gradient.data());
 }
 
@@ -152,6 +155,7 @@ Summary Problem::solve(const SolveOptions& options, Observer& observer) {
   SetFree(&problem, variables.target_from_object.data(), options.free_target);
   for (Vector6& motion : variables.motion) SetFree(&problem, motion.data(), options.free_motion);
   SetFree(&problem, variables.style.data(), options.free_style);
+  SetFree(&problem, &variables.log_alpha, options.free_alpha);
 
   Reporter reporter(&state_, &observer, [this] { return CurrentTerms(); });
   ceres::Solver::Options ceres_options = ToCeres(options, &variables);

@@ -26,6 +26,7 @@ struct Variables {
   Vector6 target_from_object;   // p0
   std::vector<Vector6> motion;  // dp_l at l - 1
   std::vector<double> style;    // s
+  double log_alpha = 0.0;       // of Eq. 6
 };
 
 // X = G(s) for a prefix of the prior's points, row-major 3N and 3N x S; throws when the prior fails.
@@ -88,6 +89,7 @@ class State : public ceres::EvaluationCallback {
 
   Variables variables;
   std::vector<FrameInput> inputs;
+  double silhouette_tolerance = 0.0;  // pixels
   std::vector<FrameState> frames;
 
  private:

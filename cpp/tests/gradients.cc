@@ -16,6 +16,7 @@ namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
 constexpr double kPi = 3.14159265358979323846;
+const double kAlpha = 0.9;
 const spba::Pinhole kCamera{70.0, 72.0, 31.0, 25.0};
 
 std::vector<float> SmoothImage(double phase) {
@@ -71,7 +72,7 @@ int Check(const std::string& name, const ceres::CostFunction& cost, const std::v
   const ceres::GradientChecker checker(&cost, no_manifolds, options);
   int failures = 0;
   for (const Point& point : points) {
-    const double* parameters[3] = {point.p0, point.motion, point.x};
+    const double* parameters[4] = {point.p0, point.motion, point.x, &kAlpha};
     ceres::GradientChecker::ProbeResults results;
     checker.Probe(parameters, 1e-5, &results);
     // Against the largest entry of all blocks: an entry that is nearly zero has no digits to compare.
@@ -96,7 +97,7 @@ int CheckBehind(const std::string& name, const ceres::CostFunction& cost) {
   const Point on_plane{{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.0}};
   int failures = 0;
   for (const Point& point : {behind, on_plane}) {
-    const double* parameters[3] = {point.p0, point.motion, point.x};
+    const double* parameters[4] = {point.p0, point.motion, point.x, &kAlpha};
     double residuals[3];
     if (cost.Evaluate(parameters, residuals, nullptr)) ++failures;
   }
@@ -113,8 +114,8 @@ int main() {
   const std::unique_ptr<ceres::CostFunction> costs[] = {
       std::unique_ptr<ceres::CostFunction>(
           spba::PhotometricCost::Create({kCamera, kCamera, &target_image, &source_image})),
-      std::unique_ptr<ceres::CostFunction>(spba::SilhouetteCost::Create({kCamera, {30.5, 20.5}})),
-      std::unique_ptr<ceres::CostFunction>(spba::InverseDepthCost::Create({0.4, 0.9}))};
+      std::unique_ptr<ceres::CostFunction>(spba::SilhouetteCost::Create({kCamera, {30.5, 20.5}, 1.0})),
+      std::unique_ptr<ceres::CostFunction>(spba::InverseDepthCost::Create({0.4}))};
   const char* names[] = {"photometric", "silhouette", "inverse depth"};
   int failures = 0;
   for (int i = 0; i < 3; ++i) {

@@ -10,7 +10,7 @@ pub mod ffi {
     struct ProblemOptions {
         /// L.
         frames: usize,
-        /// N: the prefix of the prior's points in use.
+        /// N.
         points: usize,
         /// S.
         style: usize,
@@ -22,6 +22,8 @@ pub mod ffi {
         silhouette_weight: f64,
         /// In pixels; 0 = none.
         silhouette_cauchy: f64,
+        /// In pixels.
+        silhouette_tolerance: f64,
         /// λ2.
         inverse_depth_weight: f64,
         /// δ2, in the off-the-shelf reconstruction's inverse units.
@@ -62,6 +64,7 @@ pub mod ffi {
         free_target: bool,
         free_motion: bool,
         free_style: bool,
+        free_alpha: bool,
         /// L-BFGS instead of Levenberg–Marquardt.
         line_search: bool,
         lbfgs_rank: u32,
@@ -83,6 +86,7 @@ pub mod ffi {
     struct Iteration {
         number: u32,
         terms: Terms,
+        alpha: f64,
         gradient_norm: f64,
         residual_evaluations: u32,
         jacobian_evaluations: u32,
@@ -144,6 +148,7 @@ pub mod ffi {
             inverse_depth: &[f64],
         ) -> Result<()>;
         fn set_alpha(self: Pin<&mut Problem>, alpha: f64) -> Result<()>;
+        fn alpha(self: &Problem) -> f64;
         /// p0 (6), Δp_l (6 each), s (S).
         fn set_variables(
             self: Pin<&mut Problem>,
@@ -160,7 +165,7 @@ pub mod ffi {
 
         /// The objective at the variables; errs where a point is behind a camera.
         fn evaluate(self: Pin<&mut Problem>) -> Result<Terms>;
-        /// ∂L/∂(p0, Δp_1 …, s), 6 L + S entries.
+        /// ∂L/∂(p0, Δp_1 …, s, log α), 6 L + S + 1 entries.
         fn gradient(self: Pin<&mut Problem>, gradient: &mut [f64]) -> Result<()>;
         /// Leaves the best state found in the variables, whatever stopped it.
         fn solve(

@@ -40,6 +40,10 @@ pub struct Args {
     /// Use every n-th of these frames [default: 1]
     #[arg(long, value_name = "N")]
     every: Option<usize>,
+    /// The frame that all others are compared with, counted from 0 among the frames in use [default: the middle
+    /// one; the paper takes the first]
+    #[arg(long, value_name = "N")]
+    target: Option<usize>,
     /// Ceres minimiser [default: lm; the paper uses lbfgs]
     #[arg(long)]
     solver: Option<Method>,
@@ -47,7 +51,7 @@ pub struct Args {
     /// (alternating) [default: joint; the paper alternates]
     #[arg(long)]
     strategy: Option<StrategyArg>,
-    /// How the scale α is renewed [default: symmetric; the paper's Eq. 8 is regression]
+    /// How the scale α is found: in every solver call, or between them by Eq. 8 [default: variable; the paper: regression]
     #[arg(long)]
     scale_update: Option<ScaleUpdateArg>,
     #[command(flatten)]
@@ -96,7 +100,10 @@ struct ObjectiveArgs {
     /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 2; the paper has none]
     #[arg(long, value_name = "WIDTH")]
     silhouette_cauchy: Option<f64>,
-    /// λ2, weight of the inverse-depth term [default: 1000]
+    /// Distance of a silhouette correspondence in pixels that counts as none [default: 1; the paper's is 0]
+    #[arg(long, value_name = "PIXELS")]
+    silhouette_tolerance: Option<f64>,
+    /// λ2, weight of the inverse-depth term [default: 3000; the paper's is 1000]
     #[arg(long, value_name = "WEIGHT")]
     inverse_depth_weight: Option<f64>,
     /// δ2, Huber width of an inverse-depth difference [default: 0.03; the paper's is 10]
@@ -119,7 +126,7 @@ enum Method {
 #[derive(Clone, Copy, ValueEnum)]
 enum ScaleUpdateArg {
     Regression,
-    Symmetric,
+    Variable,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -137,7 +144,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .context("threads")?;
 
     let began = Instant::now();
-    let sequence = sequence::load(&args.input, &config.input.load_options()?)?;
+    let mut sequence = sequence::load(&args.input, &config.input.load_options()?)?;
+    let target = config.input.target_of(sequence.frames.len())?;
+    sequence.bring_to_front(target);
     let (linear, prior_info) = prior::open(&config.prior)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
@@ -156,6 +165,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         &|row| watch.see(row),
     )?;
     watch.finish();
+    sequence.put_back(target);
+    solution.estimate.put_back(target);
     solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
     solution
         .seconds
@@ -201,6 +212,9 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     }
     set(&mut config.input.frames, &args.frames);
     set(&mut config.input.every, &args.every);
+    if args.target.is_some() {
+        config.input.target = args.target;
+    }
     set(&mut config.init.hypotheses.count, &args.hypotheses);
     let objective = &mut config.objective;
     set(
@@ -220,6 +234,10 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         &args.objective.silhouette_cauchy,
     );
     set(
+        &mut objective.silhouette_tolerance,
+        &args.objective.silhouette_tolerance,
+    );
+    set(
         &mut objective.inverse_depth_weight,
         &args.objective.inverse_depth_weight,
     );
@@ -237,7 +255,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     set(&mut solver.tolerance, &args.tolerance);
     match args.scale_update {
         Some(ScaleUpdateArg::Regression) => solver.scale_update = ScaleUpdate::Regression,
-        Some(ScaleUpdateArg::Symmetric) => solver.scale_update = ScaleUpdate::Symmetric,
+        Some(ScaleUpdateArg::Variable) => solver.scale_update = ScaleUpdate::Variable,
         None => {}
     }
     match args.strategy {

@@ -44,4 +44,18 @@ impl Estimate {
             l => self.motion[l - 1].compose(&self.target_from_object),
         }
     }
+
+    /// The same cameras and shape for the frames in the order that [`Sequence::put_back`] restores, whose first
+    /// frame's pose is p0 then.
+    ///
+    /// [`Sequence::put_back`]: crate::sequence::Sequence::put_back
+    pub fn put_back(&mut self, target: usize) {
+        let mut poses: Vec<Pose> = (0..self.frame_count()).map(|l| self.camera_from_object(l)).collect();
+        poses[..=target].rotate_left(1);
+        self.target_from_object = poses[0];
+        self.motion = poses[1..]
+            .iter()
+            .map(|pose| RelativePose::between(&poses[0], pose))
+            .collect();
+    }
 }

@@ -31,6 +31,8 @@ impl Block {
 #[derive(Clone, Copy, Debug)]
 pub struct Call {
     pub block: Block,
+    /// Whether α of Eq. 6 moves too.
+    pub free_alpha: bool,
     pub minimiser: Minimiser,
     pub max_iterations: u32,
     /// Stop once an iteration lowers the objective by a smaller share.
@@ -50,6 +52,7 @@ impl Call {
             free_target: free(Block::Target),
             free_motion: free(Block::Motion),
             free_style: free(Block::Style),
+            free_alpha: self.free_alpha,
             line_search,
             lbfgs_rank,
             initial_trust_region_radius,
@@ -65,6 +68,7 @@ pub struct Iteration {
     /// 0 is the start.
     pub number: usize,
     pub objective: ObjectiveValue,
+    pub alpha: f64,
     pub gradient_norm: f64,
     /// Of this call so far.
     pub evaluations: Evaluations,
@@ -79,11 +83,12 @@ pub struct CallOutcome {
     pub interrupted: bool,
 }
 
-impl From<&ffi::Iteration> for Iteration {
-    fn from(iteration: &ffi::Iteration) -> Self {
+impl Iteration {
+    pub(super) fn new(iteration: &ffi::Iteration, input_unit: f64) -> Self {
         Self {
             number: iteration.number as usize,
             objective: iteration.terms.into(),
+            alpha: iteration.alpha * input_unit,
             gradient_norm: iteration.gradient_norm,
             evaluations: Evaluations {
                 residual: iteration.residual_evaluations as usize,

@@ -42,8 +42,7 @@ pub enum ObjectiveError {
 
 /// L of Eq. 9 over a sequence: the Ceres problem and the current estimate in it.
 ///
-/// Visibility and α are inputs of one solver call: [`Objective::update_visibility`] and
-/// [`Objective::set_alpha`] renew them between calls.
+/// Visibility is an input of one solver call; [`Objective::update_visibility`] renews it between calls.
 pub struct Objective<'a> {
     problem: UniquePtr<ffi::Problem>,
     sequence: &'a Sequence,
@@ -51,7 +50,6 @@ pub struct Objective<'a> {
     options: ObjectiveOptions,
     /// Per frame, finest first.
     pyramids: Vec<Vec<RgbImage>>,
-    alpha: f64,
     /// α at construction: inverse depths are compared in units in which α starts at 1, so that λ2 and δ2 mean
     /// the same whatever the unit of the off-the-shelf reconstruction.
     input_unit: f64,
@@ -85,12 +83,13 @@ impl<'a> Objective<'a> {
         let problem = ffi::new_problem(
             &ffi::ProblemOptions {
                 frames,
-                points,
+                points: prior.point_count(),
                 style: prior.style_len(),
                 photometric_weight: options.photometric_weight * options.point_weight,
                 photometric_huber: options.photometric_huber,
                 silhouette_weight: options.silhouette_weight,
                 silhouette_cauchy: options.silhouette_cauchy,
+                silhouette_tolerance: options.silhouette_tolerance,
                 inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,
@@ -110,7 +109,6 @@ impl<'a> Objective<'a> {
                 .iter()
                 .map(|f| pyramid(f.image.clone(), levels))
                 .collect(),
-            alpha: estimate.alpha,
             input_unit: estimate.alpha,
         };
         for (l, frame) in sequence.frames.iter().enumerate() {
@@ -174,13 +172,12 @@ impl<'a> Objective<'a> {
                 .map(|twist| RelativePose(Pose::from_twist(&Vector6::from_column_slice(twist))))
                 .collect(),
             style,
-            alpha: self.alpha,
+            alpha: self.problem.alpha() * self.input_unit,
         })
     }
 
     /// α of Eq. 6, x_cam = α x'_cam.
     pub fn set_alpha(&mut self, alpha: f64) -> Result<(), ObjectiveError> {
-        self.alpha = alpha;
         Ok(self.problem.pin_mut().set_alpha(alpha / self.input_unit)?)
     }
 
@@ -219,7 +216,7 @@ impl<'a> Objective<'a> {
         for (l, frame) in self.sequence.frames.iter().enumerate() {
             if l > 0 && self.options.photometric_weight > 0.0 {
                 let (indices, directions) =
-                    photometric_points(&visible[0], &visible[l], &inside[0], &inside[l]);
+                    photometric_points([&visible[0], &visible[l]], [&inside[0], &inside[l]], self.options.covisible);
                 self.problem.pin_mut().set_photometric(l, &indices, &directions)?;
             }
             let (indices, inverse_depth) = inverse_depth_points(&visible[l], frame, self.input_unit);
@@ -235,9 +232,9 @@ impl<'a> Objective<'a> {
         Ok(self.problem.pin_mut().evaluate()?.into())
     }
 
-    /// ∂L/∂(p0, Δp_1, …, Δp_{L−1}, s): 6 L + S entries.
+    /// ∂L/∂(p0, Δp_1, …, Δp_{L−1}, s, log α): 6 L + S + 1 entries.
     pub fn gradient(&mut self) -> Result<Vec<f64>, ObjectiveError> {
-        let mut gradient = vec![0.0; 6 * self.sequence.frames.len() + self.prior.style_len()];
+        let mut gradient = vec![0.0; 6 * self.sequence.frames.len() + self.prior.style_len() + 1];
         self.problem.pin_mut().gradient(&mut gradient)?;
         Ok(gradient)
     }
@@ -249,7 +246,8 @@ impl<'a> Objective<'a> {
         call: &Call,
         observer: &mut dyn FnMut(&Iteration) -> bool,
     ) -> Result<CallOutcome, ObjectiveError> {
-        let mut on_iteration = |iteration: &ffi::Iteration| observer(&iteration.into());
+        let input_unit = self.input_unit;
+        let mut on_iteration = |iteration: &ffi::Iteration| observer(&Iteration::new(iteration, input_unit));
         let summary = self
             .problem
             .pin_mut()
@@ -285,18 +283,20 @@ fn inside_mask(points: &[f64], frame: &Frame, camera_from_object: &Pose) -> Vec<
         .collect()
 }
 
-/// The points of Eq. 4 for one source frame, each with how many of the two sums it is in. A point outside
-/// either mask is left out.
+/// The points of Eq. 4 for one source frame, each with how many of the two sums it is in. Of the target and the
+/// source: what each sees, and which points lie inside its mask. A point outside either mask is left out; so is, if
+/// `covisible`, one that either does not see.
 fn photometric_points(
-    target: &Visibility,
-    source: &Visibility,
-    inside_target: &[bool],
-    inside_source: &[bool],
+    visible: [&Visibility; 2],
+    inside: [&[bool]; 2],
+    covisible: bool,
 ) -> (Vec<u32>, Vec<u8>) {
-    let mut directions = vec![0u8; inside_target.len()];
-    for visible in target.points.iter().chain(&source.points) {
-        let j = visible.point as usize;
-        directions[j] += u8::from(inside_target[j] && inside_source[j]);
+    let mut directions = vec![0u8; inside[0].len()];
+    for point in visible.iter().flat_map(|v| &v.points) {
+        let j = point.point as usize;
+        let kept = inside.iter().all(|inside| inside[j])
+            && (!covisible || visible.iter().all(|v| v.unoccluded[j]));
+        directions[j] += u8::from(kept);
     }
     (0u32..).zip(directions).filter(|&(_, d)| d > 0).unzip()
 }

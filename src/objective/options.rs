@@ -11,11 +11,17 @@ pub struct ObjectiveOptions {
     pub photometric_weight: f64,
     /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255].
     pub photometric_huber: f64,
+    /// Leave a point out of Eq. 4 where the other frame does not see it; the paper keeps it, and compares
+    /// what hides it.
+    pub covisible: bool,
     /// λ1: weight of the silhouettes' Chamfer distance L_cd.
     pub silhouette_weight: f64,
     /// Cauchy scale of a silhouette correspondence, in pixels: masks leak, and a leak must not pull for ever. 0
     /// means none, as in the paper.
     pub silhouette_cauchy: f64,
+    /// Distance of a silhouette correspondence, in pixels, that counts as none; the paper's is 0. Points and
+    /// pixels have a size: without it, the pairs inside the silhouette brake every motion of the shape.
+    pub silhouette_tolerance: f64,
     /// λ2: weight of the inverse-depth term L_invd.
     pub inverse_depth_weight: f64,
     /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal. The paper's 10 is never reached by an
@@ -47,13 +53,15 @@ pub(super) fn limit(wanted: usize, all: usize) -> usize {
 impl Default for ObjectiveOptions {
     fn default() -> Self {
         Self {
-            photometric_weight: 1e-5,
-            photometric_huber: 100.0,
-            silhouette_weight: 0.1,
-            silhouette_cauchy: 2.0,
-            inverse_depth_weight: 1000.0,
-            inverse_depth_huber: 0.03,
-            style_weight: 10.0,
+            photometric_weight: 1e-4,
+            photometric_huber: 20.0,
+            covisible: true,
+            silhouette_weight: 1.0,
+            silhouette_cauchy: 1.0,
+            silhouette_tolerance: 1.0,
+            inverse_depth_weight: 3000.0,
+            inverse_depth_huber: 0.01,
+            style_weight: 3.0,
             points: 8192,
             silhouette_pixels: 2000,
             silhouette_points: 2048,
@@ -93,6 +101,7 @@ impl ObjectiveOptions {
             ("inverse_depth_weight", self.inverse_depth_weight),
             ("style_weight", self.style_weight),
             ("silhouette_cauchy", self.silhouette_cauchy),
+            ("silhouette_tolerance", self.silhouette_tolerance),
         ];
         for (name, weight) in weights {
             if !(weight.is_finite() && weight >= 0.0) {

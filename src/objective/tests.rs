@@ -122,7 +122,7 @@ fn objective<'a>(sequence: &'a Sequence, options: &ObjectiveOptions, at: &Estima
     Objective::new(sequence, Arc::new(Blob::new(600)), options, 1, at).unwrap()
 }
 
-/// Central differences of the objective over p0, Δp and s, visibility held.
+/// Central differences of the objective over p0, Δp, s and log α, visibility held.
 fn numeric_gradient(objective: &mut Objective, at: &Estimate) -> Vec<f64> {
     // Short: where two pixels are equally near, Eq. 5 has kinks, and a step must not cross one.
     let step = 1e-8;
@@ -130,8 +130,10 @@ fn numeric_gradient(objective: &mut Objective, at: &Estimate) -> Vec<f64> {
         .chain(at.motion.iter().map(|m| m.0.to_twist()))
         .flat_map(|twist| twist.iter().copied().collect::<Vec<_>>())
         .collect();
-    let variables = [twists, at.style.clone()].concat();
+    let log_alpha = (at.alpha / objective.input_unit).ln();
+    let variables = [twists, at.style.clone(), vec![log_alpha]].concat();
     let mut value = |variables: &[f64]| {
+        let (log_alpha, variables) = variables.split_last().unwrap();
         let motion = 6..variables.len() - at.style.len();
         let problem = objective.problem.pin_mut();
         problem
@@ -141,6 +143,7 @@ fn numeric_gradient(objective: &mut Objective, at: &Estimate) -> Vec<f64> {
                 &variables[motion.end..],
             )
             .unwrap();
+        objective.set_alpha(log_alpha.exp() * objective.input_unit).unwrap();
         objective.evaluate().unwrap().total
     };
     (0..variables.len())

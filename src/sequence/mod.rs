@@ -42,6 +42,27 @@ pub struct Sequence {
     pub truth: Option<Truth>,
 }
 
+impl Sequence {
+    /// Moves frame `target` to the front, where initialisation and solver look for the target frame; the others
+    /// keep their order. `target` must be one of the frames.
+    pub fn bring_to_front(&mut self, target: usize) {
+        self.frames[..=target].rotate_right(1);
+        if let Some(truth) = &mut self.truth {
+            truth.camera_from_object[..=target].rotate_right(1);
+            truth.depth[..=target].rotate_right(1);
+        }
+    }
+
+    /// Undoes [`Sequence::bring_to_front`].
+    pub fn put_back(&mut self, target: usize) {
+        self.frames[..=target].rotate_left(1);
+        if let Some(truth) = &mut self.truth {
+            truth.camera_from_object[..=target].rotate_left(1);
+            truth.depth[..=target].rotate_left(1);
+        }
+    }
+}
+
 /// One undistorted frame. Image, mask and depth have one size.
 #[derive(Clone, Debug)]
 pub struct Frame {

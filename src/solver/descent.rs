@@ -1,7 +1,7 @@
 //! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and of α (Eq. 8).
 
 use super::{
-    Evaluations, ObjectiveValue, Progress, SolverOptions, Strategy, Termination, TraceRow, scale_from_motion,
+    Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, Strategy, Termination, TraceRow, scale_from_motion,
 };
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
@@ -51,11 +51,11 @@ pub(super) fn descend(
             for &block in blocks(options.strategy) {
                 let call = Call {
                     block,
+                    free_alpha: options.scale_update == ScaleUpdate::Variable,
                     minimiser: options.minimiser,
                     max_iterations: options.iterations_per_call,
                     tolerance: options.tolerance / 10.0,
                 };
-                let alpha = objective.estimate()?.alpha;
                 let so_far = descent.evaluations;
                 let outcome = objective.minimise(&call, &mut |iteration| {
                     let evaluations = so_far.plus(iteration.evaluations);
@@ -66,7 +66,7 @@ pub(super) fn descend(
                         iteration: iteration.number,
                         objective: iteration.objective,
                         gradient_norm: iteration.gradient_norm,
-                        alpha,
+                        alpha: iteration.alpha,
                         residual_evaluations: evaluations.residual,
                         jacobian_evaluations: evaluations.jacobian,
                         seconds: progress.seconds(),
@@ -80,13 +80,13 @@ pub(super) fn descend(
                 }
             }
             let after = objective.evaluate()?.total;
-            let estimate = objective.estimate()?;
-            if let Some(alpha) = scale_from_motion(
-                &estimate,
-                camera_from_input,
-                &mean_point(&objective.points()?),
-                options.scale_update,
-            ) {
+            if options.scale_update == ScaleUpdate::Regression
+                && let Some(alpha) = scale_from_motion(
+                    &objective.estimate()?,
+                    camera_from_input,
+                    &mean_point(&objective.points()?),
+                )
+            {
                 objective.set_alpha(alpha)?;
             }
             if after < options.threshold {

@@ -66,12 +66,12 @@ impl Default for SolverOptions {
                 initial_trust_region_radius: default_trust_region_radius(),
             },
             strategy: Strategy::Joint,
-            scale_update: ScaleUpdate::Symmetric,
+            scale_update: ScaleUpdate::Variable,
             max_steps: 6,
             iterations_per_call: 20,
             threshold: 0.0,
             tolerance: 1e-3,
-            levels: 2,
+            levels: 3,
         }
     }
 }

@@ -7,16 +7,16 @@ use serde::{Deserialize, Serialize};
 /// Off-the-shelf translations |b| below this share of the camera's distance are noise: they carry no scale.
 const NEGLIGIBLE_TRANSLATION: f64 = 1e-3;
 
-/// How α is taken from the camera motion.
+/// How α of Eq. 6 is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleUpdate {
-    /// The paper's Eq. 8: the mean of α_l = ⟨a_l, b_l⟩ / ⟨b_l, b_l⟩. Noise in the off-the-shelf poses lengthens
-    /// b_l and so shortens α, the more the shorter the motion; as Eq. 6 ties the depth to α, the loss
-    /// repeats at every step and the object creeps towards the camera.
+    /// As a variable of every solver call: what scale there is comes from the prior's size in the images.
+    Variable,
+    /// The paper's: held during a call, then Eq. 8, the mean of α_l = ⟨a_l, b_l⟩ / ⟨b_l, b_l⟩. Noise in the
+    /// off-the-shelf poses lengthens b_l and so shortens α; as Eq. 6 ties the depth to α, the loss repeats at
+    /// every step and the object creeps towards the camera.
     Regression,
-    /// √(Σ‖a_l‖² / Σ‖b_l‖²): both sides count alike, so noise that both share does not pull.
-    Symmetric,
 }
 
 /// α of Eq. 8 from a_l = R_l x̄ + t_l − R'_l R'_0ᵀ (R_0 x̄ + t_0) and b_l = t'_l − R'_l R'_0ᵀ t'_0, a_l = α b_l.
@@ -30,7 +30,6 @@ pub fn scale_from_motion(
     estimate: &Estimate,
     camera_from_input: &[Option<Pose>],
     mean_point: &Vector3<f64>,
-    update: ScaleUpdate,
 ) -> Option<f64> {
     let target_from_input = (*camera_from_input.first()?)?;
     let sources: Vec<(usize, Pose)> = camera_from_input
@@ -43,30 +42,18 @@ pub fn scale_from_motion(
     let lengths = sources.iter().map(|(_, pose)| pose.translation.norm());
     let negligible = NEGLIGIBLE_TRANSLATION * lengths.fold(target_from_input.translation.norm(), f64::max);
     let point_in_target = estimate.target_from_object.transform(mean_point);
-    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = sources
+    let scales: Vec<f64> = sources
         .iter()
         .filter(|(_, source_from_target)| source_from_target.translation.norm() > negligible)
         .map(|(frame, source_from_target)| {
             let a = estimate.camera_from_object(*frame).transform(mean_point)
                 - source_from_target.rotation * point_in_target;
-            (a, source_from_target.translation)
+            let b = source_from_target.translation;
+            a.dot(&b) / b.norm_squared()
         })
         .collect();
-    let regression = pairs
-        .iter()
-        .map(|(a, b)| a.dot(b) / b.norm_squared())
-        .sum::<f64>()
-        / pairs.len() as f64;
-    if !(regression.is_finite() && regression > 0.0) {
-        return None;
-    }
-    Some(match update {
-        ScaleUpdate::Regression => regression,
-        ScaleUpdate::Symmetric => {
-            let squares = |of: fn(&(Vector3<f64>, Vector3<f64>)) -> f64| pairs.iter().map(of).sum::<f64>();
-            (squares(|(a, _)| a.norm_squared()) / squares(|(_, b)| b.norm_squared())).sqrt()
-        }
-    })
+    let alpha = scales.iter().sum::<f64>() / scales.len() as f64;
+    (alpha.is_finite() && alpha > 0.0).then_some(alpha)
 }
 
 #[cfg(test)]
@@ -131,9 +118,7 @@ mod tests {
             let shift = |pose: &Pose| pose.after(&input[0].inverse()).translation.norm();
             let longest = input[1..].iter().map(shift).fold(input[0].translation.norm(), f64::max);
             prop_assume!(input[1..].iter().all(|pose| shift(pose) > 2e-3 * longest));
-            let found = scale_from_motion(&estimate, &poses, &mean, ScaleUpdate::Regression).unwrap();
-            let symmetric = scale_from_motion(&estimate, &poses, &mean, ScaleUpdate::Symmetric).unwrap();
-            prop_assert!((symmetric - found).abs() < 1e-6 * found, "symmetric {symmetric}, Eq. 8 {found}");
+            let found = scale_from_motion(&estimate, &poses, &mean).unwrap();
             prop_assert!((found / alpha - 1.0).abs() < 1e-6);
 
             let depths: Vec<f64> = points.iter().map(|p| truth[0].transform(&Vector3::from(*p)).z).collect();
@@ -170,19 +155,19 @@ mod tests {
     fn frames_without_translation_or_pose_are_left_out() {
         let (estimate, mut input) = walk(&[0.0, 0.0, 1.0, 2.0], 0.7);
         assert!(
-            (scale_from_motion(&estimate, &input, &Vector3::zeros(), ScaleUpdate::Regression).unwrap() - 0.7)
+            (scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7)
                 .abs()
                 < 1e-12
         );
         input[3] = None;
         assert!(
-            (scale_from_motion(&estimate, &input, &Vector3::zeros(), ScaleUpdate::Regression).unwrap() - 0.7)
+            (scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7)
                 .abs()
                 < 1e-12
         );
         let (estimate, input) = walk(&[1.0, 1.0, 1.0], 0.7);
         assert_eq!(
-            scale_from_motion(&estimate, &input, &Vector3::zeros(), ScaleUpdate::Regression),
+            scale_from_motion(&estimate, &input, &Vector3::zeros()),
             None
         );
     }
@@ -191,7 +176,7 @@ mod tests {
     fn a_motion_that_runs_backwards_gives_no_scale() {
         let (estimate, input) = walk(&[0.0, 1.0, 2.0], -0.4);
         assert_eq!(
-            scale_from_motion(&estimate, &input, &Vector3::zeros(), ScaleUpdate::Regression),
+            scale_from_motion(&estimate, &input, &Vector3::zeros()),
             None
         );
     }

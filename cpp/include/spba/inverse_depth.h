@@ -12,30 +12,31 @@ namespace spba {
 // x_camera = alpha x'_camera (Eq. 10). False where the point is behind the camera.
 struct InverseDepthError {
   double inverse_depth;
-  double alpha;
 
   template <typename T>
-  bool operator()(const T* point_in_camera, T* residual) const {
+  bool operator()(const T* point_in_camera, const T* alpha, T* residual) const {
     if (!(point_in_camera[2] > T(kMinDepth))) return false;
-    residual[0] = inverse_depth - alpha / point_in_camera[2];
+    residual[0] = inverse_depth - alpha[0] / point_in_camera[2];
     return true;
   }
 };
 
-// The same over parameter blocks p0[6], dp_l[6] and the point x[3]. For the target frame hold dp at zero.
+// The same over parameter blocks p0[6], dp_l[6], the point x[3] and alpha[1]. For the target frame hold dp at
+// zero; hold alpha where Eq. 8 gives it.
 // ceres::ScaledLoss(HuberLoss(delta_2), lambda_2 / L) makes its cost that of Eq. 9.
 struct InverseDepthCost {
   InverseDepthError error;
 
   template <typename T>
-  bool operator()(const T* target_from_object, const T* motion, const T* point, T* residual) const {
+  bool operator()(const T* target_from_object, const T* motion, const T* point, const T* alpha,
+                  T* residual) const {
     T point_in_source[3];
     PointInSource(target_from_object, motion, point, point_in_source);
-    return error(point_in_source, residual);
+    return error(point_in_source, alpha, residual);
   }
 
   static ceres::CostFunction* Create(const InverseDepthError& error) {
-    return new ceres::AutoDiffCostFunction<InverseDepthCost, 1, 6, 6, 3>(new InverseDepthCost{error});
+    return new ceres::AutoDiffCostFunction<InverseDepthCost, 1, 6, 6, 3, 1>(new InverseDepthCost{error});
   }
 };
 

@@ -10,15 +10,20 @@
 
 namespace spba {
 
-// residual[1] = |pi(point_in_camera) - pixel|, in pixels. Whoever pairs points and pixels decides which
+// residual[1] = max(0, |pi(point_in_camera) - pixel| - tolerance), in pixels. Whoever pairs points and pixels decides which
 // direction of Eq. 5 this is; at a minimum over pairs the derivative of the minimum is that of the pair.
 //
 // The distance, not the difference: its square is the same, but its linearisation lets a point slide along
 // the outline, as it may, where the difference would nail it to one pixel. Gauss-Newton needs far fewer steps
 // so. False where the point is behind the camera.
+//
+// A tolerance of about a pixel makes discs of points and pixels, which they are. Inside the silhouette every
+// point has a pixel and every pixel a point at some fraction of a pixel: without a tolerance these pairs, whose
+// partners change with every motion, hold the shape where it is as friction would.
 struct SilhouetteError {
   Pinhole camera;
   double pixel[2];
+  double tolerance;
 
   template <typename T>
   bool operator()(const T* point_in_camera, T* residual) const {
@@ -29,7 +34,8 @@ struct SilhouetteError {
     const T y = projected[1] - pixel[1];
     const T squared = x * x + y * y;
     // At the pixel itself the distance has no derivative, its square has a zero one.
-    residual[0] = squared < T(1e-18) ? squared : sqrt(squared);
+    const double near = tolerance + 1e-9;
+    residual[0] = squared < T(near * near) ? T(0.0) : sqrt(squared) - tolerance;
     return true;
   }
 };
