@@ -148,6 +148,27 @@ mod tests {
     }
 
     #[test]
+    fn the_far_side_is_hidden_and_neighbours_in_one_pixel_are_not() {
+        let points = sphere(4000);
+        let surfels = Surfels::new(&points);
+        let pose = pose();
+        let seen = visible_points(&points, &CAMERA, &pose, SIZE, Some(&surfels));
+        let centre = pose.transform(&Vector3::zeros());
+        let (mut near, mut far) = ((0, 0), (0, 0));
+        for (x, &unoccluded) in points.chunks_exact(3).zip(&seen.unoccluded) {
+            let normal = pose.rotation * Vector3::new(x[0], x[1], x[2]).normalize();
+            let cosine = -normal.dot(&(centre + 0.4 * normal).normalize());
+            let side = if cosine > 0.3 { &mut near } else { &mut far };
+            if cosine.abs() > 0.3 {
+                side.0 += 1;
+                side.1 += usize::from(unoccluded);
+            }
+        }
+        assert!(near.1 as f64 > 0.98 * near.0 as f64, "{near:?} of the near side");
+        assert!((far.1 as f64) < 0.02 * far.0 as f64, "{far:?} of the far side");
+    }
+
+    #[test]
     fn pixels_come_in_row_major_order() {
         let seen = visible_points(&sphere(500), &CAMERA, &pose(), SIZE, None);
         let order: Vec<_> = seen.points.iter().map(|p| (p.pixel.1, p.pixel.0)).collect();

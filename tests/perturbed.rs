@@ -25,9 +25,13 @@ use std::sync::Arc;
 const ANGLE_DEG: f64 = 10.0;
 const SHARE_OF_DISTANCE: f64 = 0.05;
 
-fn bundled() -> Sequence {
+/// The target frame first.
+fn bundled(config: &Config) -> Sequence {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sequences/car");
-    sequence::load(&folder, &LoadOptions::default()).unwrap()
+    let mut sequence = sequence::load(&folder, &LoadOptions::default()).unwrap();
+    let target = config.input.target_of(sequence.frames.len()).unwrap();
+    sequence.bring_to_front(target);
+    sequence
 }
 
 fn direction(random: &mut ChaCha8Rng) -> Unit<Vector3<f64>> {
@@ -39,7 +43,7 @@ fn direction(random: &mut ChaCha8Rng) -> Unit<Vector3<f64>> {
     }
 }
 
-/// The truth's first pose turned by 10° about a random axis through the object and moved by 5 % of its
+/// The target's true pose turned by 10° about a random axis through the object and moved by 5 % of its
 /// distance; α and the motion from the noisy input by Eq. 11 and 13; the mean style.
 fn start(sequence: &Sequence, prior: &LinearPrior, seed: u64) -> Initialisation {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -128,10 +132,10 @@ impl From<&TruthErrors> for Triple {
 
 /// Solves from the seed's start and prints a line: errors at the start, errors at the end.
 fn solved(seed: u64) -> (Triple, Triple) {
-    let sequence = bundled();
+    let config = Config::default();
+    let sequence = bundled(&config);
     let prior = prior::find("car").unwrap();
     let shared: Arc<dyn ShapePrior> = Arc::new(prior.clone());
-    let config = Config::default();
     let start = start(&sequence, &prior, seed);
     let before = Triple::from(&errors(&sequence, &prior, &start.estimate));
     let solution = solver::solve(
@@ -158,11 +162,16 @@ fn solved(seed: u64) -> (Triple, Triple) {
     (before, after)
 }
 
+impl Triple {
+    fn is_close(&self, start: &Self) -> bool {
+        self.orientation < 1.0 && self.location < 2.0 && self.depth < start.depth
+    }
+}
+
 #[test]
-fn a_perturbed_start_gets_better() {
-    let (before, after) = solved(0);
-    assert!(after.orientation < before.orientation);
-    assert!(after.location < before.location);
+fn a_perturbed_start_comes_back_to_the_truth() {
+    let (before, after) = solved(2);
+    assert!(after.is_close(&before));
 }
 
 #[test]
@@ -171,7 +180,7 @@ fn all_twenty_seeds() {
     let good = (0..20)
         .filter(|&seed| {
             let (before, after) = solved(seed);
-            after.orientation < 1.0 && after.location < 2.0 && after.depth < before.depth
+            after.is_close(&before)
         })
         .count();
     println!("{good} of 20 within 1 degree, 2 % and the start's depth error");

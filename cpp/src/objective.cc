@@ -83,13 +83,12 @@ void Objective::AddSilhouette(int frame, double pixel_weight, double point_weigh
 }
 
 void Objective::AddInverseDepth(int frame, const std::vector<uint32_t>& points,
-                                const std::vector<double>& inverse_depth) {
+                                const std::vector<InverseDepthError>& errors) {
   auto& group = inverse_depth_.emplace_back();
   group.loss = Scaled(weights_.inverse_depth / state_->inputs.size(),
                       new ceres::HuberLoss(weights_.inverse_depth_huber));
   for (size_t i = 0; i < points.size(); ++i) {
-    group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]),
-                              InverseDepthError{inverse_depth[i]});
+    group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]), errors[i]);
   }
   AddToProblem(frame, group, &state_->variables.log_alpha);
 }

@@ -52,7 +52,7 @@ class Objective {
                       const PhotometricError& error);
   void AddSilhouette(int frame, double pixel_weight, double point_weight);
   void AddInverseDepth(int frame, const std::vector<uint32_t>& points,
-                       const std::vector<double>& inverse_depth);
+                       const std::vector<InverseDepthError>& errors);
 
   ceres::Problem& problem() { return problem_; }
 

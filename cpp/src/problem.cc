@@ -111,13 +111,18 @@ void Problem::set_photometric(size_t frame, rust::Slice<const uint32_t> points,
   Changed();
 }
 
-void Problem::set_inverse_depth(size_t frame, rust::Slice<const uint32_t> points,
-                                rust::Slice<const double> inverse_depth) {
+void Problem::set_inverse_depth(size_t frame, rust::Slice<const SeenDepth> seen) {
   CheckFrame(frame);
-  Require(points.size() == inverse_depth.size(), "one inverse depth a point");
-  CheckPoints(points);
-  inverse_depth_[frame].points.assign(points.begin(), points.end());
-  inverse_depth_[frame].inverse_depth.assign(inverse_depth.begin(), inverse_depth.end());
+  InverseDepth inverse_depth;
+  for (const SeenDepth& depth : seen) {
+    Require(depth.point < static_cast<uint32_t>(state_.point_count()), "no such point");
+    inverse_depth.points.push_back(depth.point);
+    inverse_depth.errors.push_back({state_.inputs[frame].camera,
+                                    {depth.column, depth.row},
+                                    depth.inverse_depth,
+                                    {depth.by_column, depth.by_row}});
+  }
+  inverse_depth_[frame] = std::move(inverse_depth);
   Changed();
 }
 
@@ -162,7 +167,7 @@ void Problem::Prepare(bool with_jacobian) {
       if (state_.inputs[l].silhouette) {
         objective_->AddSilhouette(frame, silhouette_weights_[l].pixel, silhouette_weights_[l].point);
       }
-      objective_->AddInverseDepth(frame, inverse_depth_[l].points, inverse_depth_[l].inverse_depth);
+      objective_->AddInverseDepth(frame, inverse_depth_[l].points, inverse_depth_[l].errors);
       if (photometric_[l].points.empty()) continue;
       Require(photometric_[0].image && photometric_[l].image,
               "photometric points in a frame without an image");

@@ -13,6 +13,7 @@ namespace spba {
 struct ProblemOptions;
 struct Camera;
 struct Silhouette;
+struct SeenDepth;
 struct SolveOptions;
 struct Summary;
 struct Terms;
@@ -32,8 +33,7 @@ class Problem {
   void set_silhouette(size_t frame, const Silhouette& silhouette);
   void set_photometric(size_t frame, rust::Slice<const uint32_t> points,
                        rust::Slice<const uint8_t> directions);
-  void set_inverse_depth(size_t frame, rust::Slice<const uint32_t> points,
-                         rust::Slice<const double> inverse_depth);
+  void set_inverse_depth(size_t frame, rust::Slice<const SeenDepth> seen);
   void set_alpha(double alpha);
   double alpha() const;
   void set_variables(rust::Slice<const double> target_from_object, rust::Slice<const double> motion,
@@ -56,7 +56,7 @@ class Problem {
   };
   struct InverseDepth {
     std::vector<uint32_t> points;
-    std::vector<double> inverse_depth;
+    std::vector<InverseDepthError> errors;
   };
   struct SilhouetteWeights {
     double pixel, point;

@@ -25,7 +25,7 @@ int main() {
     spba::Project(camera, in_source, pixel);
     problem.AddResidualBlock(spba::SilhouetteCost::Create({camera, {pixel[0], pixel[1]}, 0.0}), nullptr, target,
                              motion, points[i]);
-    problem.AddResidualBlock(spba::InverseDepthCost::Create({0.5 / in_source[2]}),
+    problem.AddResidualBlock(spba::InverseDepthCost::Create({camera, {pixel[0], pixel[1]}, 0.5 / in_source[2], {0.0, 0.0}}),
                              new ceres::HuberLoss(10.0), target, motion, points[i], &alpha);
     problem.SetParameterBlockConstant(points[i]);
   }

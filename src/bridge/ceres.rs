@@ -59,6 +59,19 @@ pub mod ffi {
         point_weight: f64,
     }
 
+    /// Off-the-shelf inverse depth d' where a point is seen, to first order.
+    struct SeenDepth {
+        point: u32,
+        /// Centre of the pixel.
+        column: f64,
+        row: f64,
+        /// There.
+        inverse_depth: f64,
+        /// A pixel.
+        by_column: f64,
+        by_row: f64,
+    }
+
     /// Which variables move, by which of Ceres's minimisers, until when.
     struct SolveOptions {
         free_target: bool,
@@ -140,13 +153,8 @@ pub mod ffi {
             points: &[u32],
             directions: &[u8],
         ) -> Result<()>;
-        /// The points of Eq. 6 in `frame` and d' at the pixels in which they are seen.
-        fn set_inverse_depth(
-            self: Pin<&mut Problem>,
-            frame: usize,
-            points: &[u32],
-            inverse_depth: &[f64],
-        ) -> Result<()>;
+        /// The points of Eq. 6 in `frame`, after its camera.
+        fn set_inverse_depth(self: Pin<&mut Problem>, frame: usize, seen: &[SeenDepth]) -> Result<()>;
         fn set_alpha(self: Pin<&mut Problem>, alpha: f64) -> Result<()>;
         fn alpha(self: &Problem) -> f64;
         /// p0 (6), Δp_l (6 each), s (S).

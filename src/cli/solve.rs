@@ -51,15 +51,16 @@ pub struct Args {
     /// (alternating) [default: joint; the paper alternates]
     #[arg(long)]
     strategy: Option<StrategyArg>,
-    /// How the scale α is found: in every solver call, or between them by Eq. 8 [default: variable; the paper: regression]
+    /// How the scale α is found: in every solver call, or between them by Eq. 8 [default: variable; the paper's is
+    /// regression]
     #[arg(long)]
     scale_update: Option<ScaleUpdateArg>,
     #[command(flatten)]
     objective: ObjectiveArgs,
-    /// Pyramid levels [default: 2; the paper mentions none]
+    /// Pyramid levels [default: 3; the paper mentions none]
     #[arg(long, value_name = "N")]
     levels: Option<usize>,
-    /// Steps of Algorithm 1 per pyramid level [default: 6]
+    /// Steps of Algorithm 1 per pyramid level [default: 10]
     #[arg(long, value_name = "N")]
     max_steps: Option<usize>,
     /// Ceres iterations per call [default: 20]
@@ -68,7 +69,7 @@ pub struct Args {
     /// Stop once the objective is below (δ_L) [default: 0]
     #[arg(long, value_name = "VALUE")]
     threshold: Option<f64>,
-    /// Stop when a step lowers the objective by a smaller share [default: 0.001]
+    /// Stop when a step lowers the objective by a smaller share [default: 0.0003]
     #[arg(long, value_name = "SHARE")]
     tolerance: Option<f64>,
     /// First trust-region radius (lm only) [default: 1e4]
@@ -88,28 +89,28 @@ pub struct Args {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Objective")]
 struct ObjectiveArgs {
-    /// Weight of the photometric term [default: 1e-5; the paper's is 1]
+    /// Weight of the photometric term [default: 1e-4; the paper's is 1]
     #[arg(long, value_name = "WEIGHT")]
     photometric_weight: Option<f64>,
-    /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 100]
+    /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 20; the paper's is 100]
     #[arg(long, value_name = "WIDTH")]
     photometric_huber: Option<f64>,
-    /// λ1, weight of the silhouettes' Chamfer distance [default: 0.1]
+    /// λ1, weight of the silhouettes' Chamfer distance [default: 1; the paper's is 0.1]
     #[arg(long, value_name = "WEIGHT")]
     silhouette_weight: Option<f64>,
-    /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 2; the paper has none]
+    /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 1; the paper has none]
     #[arg(long, value_name = "WIDTH")]
     silhouette_cauchy: Option<f64>,
     /// Distance of a silhouette correspondence in pixels that counts as none [default: 1; the paper's is 0]
     #[arg(long, value_name = "PIXELS")]
     silhouette_tolerance: Option<f64>,
-    /// λ2, weight of the inverse-depth term [default: 3000; the paper's is 1000]
+    /// λ2, weight of the inverse-depth term [default: 4e4; the paper's is 1000]
     #[arg(long, value_name = "WEIGHT")]
     inverse_depth_weight: Option<f64>,
-    /// δ2, Huber width of an inverse-depth difference [default: 0.03; the paper's is 10]
+    /// δ2, Huber width of an inverse-depth difference [default: 0.003; the paper's is 10]
     #[arg(long, value_name = "WIDTH")]
     inverse_depth_huber: Option<f64>,
-    /// Weight of -log p(style), which keeps the shape plausible [default: 10; the paper has no such term]
+    /// Weight of -log p(style), which keeps the shape plausible [default: 3; the paper has no such term]
     #[arg(long, value_name = "WEIGHT")]
     style_weight: Option<f64>,
     /// Points of the prior to solve with; 0 = all [default: 8192]

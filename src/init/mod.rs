@@ -50,7 +50,9 @@ impl Estimate {
     ///
     /// [`Sequence::put_back`]: crate::sequence::Sequence::put_back
     pub fn put_back(&mut self, target: usize) {
-        let mut poses: Vec<Pose> = (0..self.frame_count()).map(|l| self.camera_from_object(l)).collect();
+        let mut poses: Vec<Pose> = (0..self.frame_count())
+            .map(|l| self.camera_from_object(l))
+            .collect();
         poses[..=target].rotate_left(1);
         self.target_from_object = poses[0];
         self.motion = poses[1..]

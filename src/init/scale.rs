@@ -39,6 +39,7 @@ mod tests {
     fn alpha_turns_input_units_into_object_units() {
         let visibility = Visibility {
             points: vec![seen(0, 1.0 / 3.0), seen(1, 1.0 / 4.5)],
+            ..Visibility::default()
         };
         let depth = DepthMap::from_vec(2, 1, vec![2.0, 3.0]).unwrap();
         let alpha = scale_from_inverse_depth(&visibility, &Mask::filled(2, 1, true), &depth).unwrap();
@@ -49,6 +50,7 @@ mod tests {
     fn it_is_the_least_squares_solution() {
         let visibility = Visibility {
             points: vec![seen(0, 1.0), seen(1, 0.5)],
+            ..Visibility::default()
         };
         let depth = DepthMap::from_vec(2, 1, vec![0.5, 1.0]).unwrap();
         // d' = (2, 1), d = (1, 0.5): consistent; then d' = (2, 2): (2 + 1) / 1.25.
@@ -62,6 +64,7 @@ mod tests {
     fn unknown_depth_and_background_do_not_count() {
         let visibility = Visibility {
             points: vec![seen(0, 0.5), seen(1, 0.5), seen(2, 0.5)],
+            ..Visibility::default()
         };
         let mask = Mask::from_vec(3, 1, vec![true, false, true]).unwrap();
         let depth = DepthMap::from_vec(3, 1, vec![1.0, 7.0, 0.0]).unwrap();

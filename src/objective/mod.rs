@@ -1,6 +1,7 @@
 //! The terms of Eq. 9: which points, pixels and weights go into the problem.
 
 mod call;
+mod inverse_depth;
 mod options;
 mod silhouette;
 #[cfg(test)]
@@ -215,14 +216,15 @@ impl<'a> Objective<'a> {
 
         for (l, frame) in self.sequence.frames.iter().enumerate() {
             if l > 0 && self.options.photometric_weight > 0.0 {
-                let (indices, directions) =
-                    photometric_points([&visible[0], &visible[l]], [&inside[0], &inside[l]], self.options.covisible);
+                let (indices, directions) = photometric_points(
+                    [&visible[0], &visible[l]],
+                    [&inside[0], &inside[l]],
+                    self.options.covisible,
+                );
                 self.problem.pin_mut().set_photometric(l, &indices, &directions)?;
             }
-            let (indices, inverse_depth) = inverse_depth_points(&visible[l], frame, self.input_unit);
-            self.problem
-                .pin_mut()
-                .set_inverse_depth(l, &indices, &inverse_depth)?;
+            let seen = inverse_depth::seen(&visible[l], frame, self.input_unit);
+            self.problem.pin_mut().set_inverse_depth(l, &seen)?;
         }
         Ok(())
     }
@@ -294,25 +296,9 @@ fn photometric_points(
     let mut directions = vec![0u8; inside[0].len()];
     for point in visible.iter().flat_map(|v| &v.points) {
         let j = point.point as usize;
-        let kept = inside.iter().all(|inside| inside[j])
-            && (!covisible || visible.iter().all(|v| v.unoccluded[j]));
+        let kept =
+            inside.iter().all(|inside| inside[j]) && (!covisible || visible.iter().all(|v| v.unoccluded[j]));
         directions[j] += u8::from(kept);
     }
     (0u32..).zip(directions).filter(|&(_, d)| d > 0).unzip()
-}
-
-/// The points of Eq. 6 in one frame and d' at their pixels, in units in which α is about 1.
-fn inverse_depth_points(visible: &Visibility, frame: &Frame, input_unit: f64) -> (Vec<u32>, Vec<f64>) {
-    let Some(depth) = &frame.depth else {
-        return Default::default();
-    };
-    visible
-        .points
-        .iter()
-        .filter_map(|v| {
-            let pixel = (v.pixel.0 as usize, v.pixel.1 as usize);
-            let z = f64::from(depth[pixel]);
-            (frame.mask[pixel] && z > 0.0).then(|| (v.point, 1.0 / (z * input_unit)))
-        })
-        .unzip()
 }

@@ -45,6 +45,10 @@ fn one() -> f64 {
     1.0
 }
 
+/// How much wider the silhouettes' Cauchy loss is in a hypothesis's solve, and how much heavier the style term.
+const CAUTIOUS_CAUCHY: f64 = 4.0;
+const CAUTIOUS_STYLE: f64 = 10.0;
+
 /// `wanted`, or all where it is 0 or more than there are.
 pub(super) fn limit(wanted: usize, all: usize) -> usize {
     if wanted == 0 { all } else { wanted.min(all) }
@@ -59,8 +63,8 @@ impl Default for ObjectiveOptions {
             silhouette_weight: 1.0,
             silhouette_cauchy: 1.0,
             silhouette_tolerance: 1.0,
-            inverse_depth_weight: 3000.0,
-            inverse_depth_huber: 0.01,
+            inverse_depth_weight: 4e4,
+            inverse_depth_huber: 0.003,
             style_weight: 3.0,
             points: 8192,
             silhouette_pixels: 2000,
@@ -71,9 +75,18 @@ impl Default for ObjectiveOptions {
 }
 
 impl ObjectiveOptions {
-    /// Nearly the same objective from at most `points` of the prior's `all` points, each standing for several,
-    /// and silhouettes thinned alike.
-    pub(crate) fn thinned(&self, points: usize, all: usize) -> Self {
+    /// The objective for a start that may be far off: silhouettes that pull from farther away, and a shape that
+    /// must stay near the mean until the pose is right, lest it bends to a wrong one. Cheaper, too: at most
+    /// `points` of the prior's `all` points, each standing for several, and silhouettes thinned alike.
+    pub(crate) fn cautious(&self, points: usize, all: usize) -> Self {
+        Self {
+            silhouette_cauchy: CAUTIOUS_CAUCHY * self.silhouette_cauchy,
+            style_weight: CAUTIOUS_STYLE * self.style_weight,
+            ..self.thinned(points, all)
+        }
+    }
+
+    fn thinned(&self, points: usize, all: usize) -> Self {
         let full = limit(self.points, all);
         let used = points.min(full);
         let ratio = full as f64 / used as f64;

@@ -1,7 +1,8 @@
 //! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and of α (Eq. 8).
 
 use super::{
-    Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, Strategy, Termination, TraceRow, scale_from_motion,
+    Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, Strategy, Termination, TraceRow,
+    scale_from_motion,
 };
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;

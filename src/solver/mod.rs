@@ -78,14 +78,14 @@ pub fn solve(
 
     let coarsest = options.levels - 1;
     let short = short_options(options);
-    let thinned = objective_options.thinned(HYPOTHESIS_POINTS, prior.point_count());
+    let cautious = objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count());
     let trials: Vec<(Descent, Vec<TraceRow>)> = starts
         .par_iter()
         .enumerate()
         .map(|(i, start)| {
             run(
                 &start.estimate,
-                &thinned,
+                &cautious,
                 &short,
                 &[coarsest],
                 &format!("hypothesis-{i}/"),
@@ -146,7 +146,7 @@ fn short_options(options: &SolverOptions) -> SolverOptions {
     SolverOptions {
         minimiser: defaults.minimiser,
         strategy: defaults.strategy,
-        max_steps: 3,
+        max_steps: 5,
         iterations_per_call: 10,
         ..options.clone()
     }

@@ -67,10 +67,10 @@ impl Default for SolverOptions {
             },
             strategy: Strategy::Joint,
             scale_update: ScaleUpdate::Variable,
-            max_steps: 6,
+            max_steps: 10,
             iterations_per_call: 20,
             threshold: 0.0,
-            tolerance: 1e-3,
+            tolerance: 3e-4,
             levels: 3,
         }
     }

@@ -126,6 +126,7 @@ mod tests {
                 points: depths.iter().enumerate().map(|(i, z)| VisiblePoint {
                     pixel: (i as u32, 0), point: i as u32, inverse_depth: 1.0 / z,
                 }).collect(),
+                ..Visibility::default()
             };
             let depth = DepthMap::from_vec(depths.len(), 1, depths.iter().map(|z| (z / alpha) as f32).collect()).unwrap();
             let mask = Mask::filled(depths.len(), 1, true);
@@ -154,30 +155,16 @@ mod tests {
     #[test]
     fn frames_without_translation_or_pose_are_left_out() {
         let (estimate, mut input) = walk(&[0.0, 0.0, 1.0, 2.0], 0.7);
-        assert!(
-            (scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7)
-                .abs()
-                < 1e-12
-        );
+        assert!((scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
         input[3] = None;
-        assert!(
-            (scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7)
-                .abs()
-                < 1e-12
-        );
+        assert!((scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
         let (estimate, input) = walk(&[1.0, 1.0, 1.0], 0.7);
-        assert_eq!(
-            scale_from_motion(&estimate, &input, &Vector3::zeros()),
-            None
-        );
+        assert_eq!(scale_from_motion(&estimate, &input, &Vector3::zeros()), None);
     }
 
     #[test]
     fn a_motion_that_runs_backwards_gives_no_scale() {
         let (estimate, input) = walk(&[0.0, 1.0, 2.0], -0.4);
-        assert_eq!(
-            scale_from_motion(&estimate, &input, &Vector3::zeros()),
-            None
-        );
+        assert_eq!(scale_from_motion(&estimate, &input, &Vector3::zeros()), None);
     }
 }
