@@ -55,6 +55,7 @@ fn objective(criterion: &mut Criterion) {
         for iterations in [1, 5] {
             let call = Call {
                 block: Block::All,
+                free_alpha: true,
                 minimiser: SolverOptions::default().minimiser,
                 max_iterations: iterations,
                 tolerance: 0.0,

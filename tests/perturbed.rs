@@ -8,6 +8,7 @@
 use nalgebra::{Rotation3, Unit, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use spba_ceres::config::Config;
 use spba_ceres::eval::{Estimated, TruthErrors, against_truth};
 use spba_ceres::geometry::{Pinhole, Pose};
@@ -177,7 +178,8 @@ fn a_perturbed_start_comes_back_to_the_truth() {
 #[test]
 #[ignore = "twenty full solves: a measurement, not a check"]
 fn all_twenty_seeds() {
-    let good = (0..20)
+    let good = (0u64..20)
+        .into_par_iter()
         .filter(|&seed| {
             let (before, after) = solved(seed);
             after.is_close(&before)

@@ -16,6 +16,7 @@ use crate::init::{Estimate, Initialisation};
 use crate::objective::{Objective, ObjectiveError, ObjectiveOptions};
 use crate::prior::ShapePrior;
 use crate::sequence::Sequence;
+use cpu_time::ProcessTime;
 use descent::{Descent, descend};
 use progress::Progress;
 use rayon::prelude::*;
@@ -58,6 +59,7 @@ pub fn solve(
         .map_err(|(name, why)| SolveError::Option(name, why))?;
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
     let began = Instant::now();
+    let cpu_began = cpu_seconds();
     let run = |start: &Estimate,
                weights: &ObjectiveOptions,
                options: &SolverOptions,
@@ -94,6 +96,7 @@ pub fn solve(
         .collect::<Result<_, _>>()?;
     let chosen = best_trial(&trials).ok_or(SolveError::NoStart)?;
     let hypotheses_seconds = began.elapsed().as_secs_f64();
+    let hypotheses_cpu = cpu_seconds();
 
     let levels: Vec<usize> = (0..options.levels).rev().collect();
     let (descent, trace) = run(
@@ -136,8 +139,15 @@ pub fn solve(
                 "solve".to_owned(),
                 began.elapsed().as_secs_f64() - hypotheses_seconds,
             ),
+            ("hypotheses_cpu".to_owned(), hypotheses_cpu - cpu_began),
+            ("solve_cpu".to_owned(), cpu_seconds() - hypotheses_cpu),
         ],
     })
+}
+
+/// Processor time of the whole process so far.
+fn cpu_seconds() -> f64 {
+    ProcessTime::now().as_duration().as_secs_f64()
 }
 
 /// A hypothesis's short solve is always joint LM: it is part of the start, and the same for all methods.

@@ -87,6 +87,6 @@ pub struct Solution {
     pub termination: Termination,
     pub hypotheses: Vec<HypothesisOutcome>,
     pub trace: Vec<TraceRow>,
-    /// Stage name → wall-clock seconds.
+    /// Stage name → seconds: wall clock, or of all cores where the name ends in `_cpu`.
     pub seconds: Vec<(String, f64)>,
 }
