@@ -2,8 +2,8 @@
 // that a pixel sees, in camera coordinates, and carries the derivative on to p0, dp_l and s by the chain rule
 // with what State caches.
 //
-// Parameter blocks: (p0, s) where only the target frame is concerned, else (p0, dp_l, s); Eq. 6 adds log alpha. The parameters'
-// values come from State, which Ceres brings up to date before it evaluates any block.
+// Parameter blocks: (p0, s) where only the target frame is concerned, else (p0, dp_l, s); Eq. 6 adds log
+// alpha. The parameters' values come from State, which Ceres brings up to date before it evaluates any block.
 #ifndef SPBA_BLOCKS_H_
 #define SPBA_BLOCKS_H_
 

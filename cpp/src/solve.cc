@@ -53,10 +53,9 @@ class Reporter : public ceres::IterationCallback {
       best = state_->variables;
     }
     iterations = summary.iteration;
-    const bool go_on =
-        observer_->on_iteration({static_cast<uint32_t>(summary.iteration), terms,
-                                 std::exp(state_->variables.log_alpha), summary.gradient_norm,
-                                 state_->counts().residual, state_->counts().jacobian});
+    const bool go_on = observer_->on_iteration({static_cast<uint32_t>(summary.iteration), terms,
+                                                std::exp(state_->variables.log_alpha), summary.gradient_norm,
+                                                state_->counts().residual, state_->counts().jacobian});
     interrupted = !go_on;
     return go_on ? ceres::SOLVER_CONTINUE : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }

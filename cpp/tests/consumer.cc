@@ -23,10 +23,11 @@ int main() {
     double in_source[3], pixel[2];
     spba::PointInSource(p0, true_motion, points[i], in_source);
     spba::Project(camera, in_source, pixel);
-    problem.AddResidualBlock(spba::SilhouetteCost::Create({camera, {pixel[0], pixel[1]}, 0.0}), nullptr, target,
-                             motion, points[i]);
-    problem.AddResidualBlock(spba::InverseDepthCost::Create({camera, {pixel[0], pixel[1]}, 0.5 / in_source[2], {0.0, 0.0}}),
-                             new ceres::HuberLoss(10.0), target, motion, points[i], &alpha);
+    problem.AddResidualBlock(spba::SilhouetteCost::Create({camera, {pixel[0], pixel[1]}, 0.0}), nullptr,
+                             target, motion, points[i]);
+    problem.AddResidualBlock(
+        spba::InverseDepthCost::Create({camera, {pixel[0], pixel[1]}, 0.5 / in_source[2], {0.0, 0.0}}),
+        new ceres::HuberLoss(10.0), target, motion, points[i], &alpha);
     problem.SetParameterBlockConstant(points[i]);
   }
   problem.SetParameterBlockConstant(target);

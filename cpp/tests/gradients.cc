@@ -115,7 +115,8 @@ int main() {
       std::unique_ptr<ceres::CostFunction>(
           spba::PhotometricCost::Create({kCamera, kCamera, &target_image, &source_image})),
       std::unique_ptr<ceres::CostFunction>(spba::SilhouetteCost::Create({kCamera, {30.5, 20.5}, 1.0})),
-      std::unique_ptr<ceres::CostFunction>(spba::InverseDepthCost::Create({kCamera, {30.5, 20.5}, 0.4, {0.003, -0.002}}))};
+      std::unique_ptr<ceres::CostFunction>(
+          spba::InverseDepthCost::Create({kCamera, {30.5, 20.5}, 0.4, {0.003, -0.002}}))};
   const char* names[] = {"photometric", "silhouette", "inverse depth"};
   int failures = 0;
   for (int i = 0; i < 3; ++i) {

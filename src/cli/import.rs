@@ -1,6 +1,6 @@
 //! `spba-ceres import`.
 
-use super::input::InputArgs;
+use super::input::{InputArgs, read};
 use spba_ceres::sequence;
 use std::path::PathBuf;
 
@@ -19,11 +19,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.out.symlink_metadata().is_ok() {
         return Err(sequence::SequenceError::TargetExists(args.out.clone()).into());
     }
-    let examination = sequence::examine(&args.input.input, &options)?;
-    for note in &examination.notes {
-        eprintln!("note: {note}");
-    }
-    let sequence = examination.into_sequence()?;
+    let sequence = read(&args.input.input, &options)?;
     sequence::write(&sequence, &args.out)?;
     println!(
         "{} frames written to {}",

@@ -1,7 +1,7 @@
 //! How verbs name an input: INPUT, `--depth`, `--frames`, `--every`.
 
-use spba_ceres::sequence::{FrameWindow, LoadOptions, WindowError};
-use std::path::PathBuf;
+use spba_ceres::sequence::{self, FrameWindow, LoadOptions, Sequence, SequenceError, WindowError};
+use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct InputArgs {
@@ -25,4 +25,13 @@ impl InputArgs {
             window: FrameWindow::parse(&self.frames, self.every)?,
         })
     }
+}
+
+/// Reads an input; what is merely worth knowing about it goes to standard error.
+pub fn read(input: &Path, options: &LoadOptions) -> Result<Sequence, SequenceError> {
+    let examination = sequence::examine(input, options)?;
+    for note in &examination.notes {
+        eprintln!("note: {note}");
+    }
+    examination.into_sequence()
 }

@@ -1,5 +1,6 @@
 //! `spba-ceres solve`.
 
+use super::input::read;
 use super::progress;
 use anyhow::Context;
 use clap::ValueEnum;
@@ -9,7 +10,7 @@ use spba_ceres::report::{self, ReportInput, Surface};
 use spba_ceres::solver::{
     Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius,
 };
-use spba_ceres::{init, sequence, solver};
+use spba_ceres::{init, solver};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -145,7 +146,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .context("threads")?;
 
     let began = Instant::now();
-    let mut sequence = sequence::load(&args.input, &config.input.load_options()?)?;
+    let mut sequence = read(&args.input, &config.input.load_options()?)?;
     let target = config.input.target_of(sequence.frames.len())?;
     sequence.bring_to_front(target);
     let (linear, prior_info) = prior::open(&config.prior)?;

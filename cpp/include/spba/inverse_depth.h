@@ -8,8 +8,9 @@
 
 namespace spba {
 
-// residual[1] = d'(u) - alpha / z at the point's projection u, with d' in the inverse units of the off-the-shelf
-// reconstruction and x_camera = alpha x'_camera (Eq. 10). False where the point is behind the camera.
+// residual[1] = d'(u) - alpha / z at the point's projection u, with d' in the inverse units of the
+// off-the-shelf reconstruction and x_camera = alpha x'_camera (Eq. 10). False where the point is behind the
+// camera.
 //
 // Depth maps are noisy and have holes, so d' is taken to first order about the pixel in which the point was
 // seen, with a slope that the caller estimates from its surroundings. A zero slope keeps the value that the
@@ -24,8 +25,8 @@ struct InverseDepthError {
   bool operator()(const T* point_in_camera, const T* alpha, T* residual) const {
     T projected[2];
     if (!Project(camera, point_in_camera, projected)) return false;
-    residual[0] = inverse_depth + slope[0] * (projected[0] - pixel[0]) + slope[1] * (projected[1] - pixel[1]) -
-                  alpha[0] / point_in_camera[2];
+    residual[0] = inverse_depth + slope[0] * (projected[0] - pixel[0]) +
+                  slope[1] * (projected[1] - pixel[1]) - alpha[0] / point_in_camera[2];
     return true;
   }
 };

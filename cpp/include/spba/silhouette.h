@@ -10,16 +10,17 @@
 
 namespace spba {
 
-// residual[1] = max(0, |pi(point_in_camera) - pixel| - tolerance), in pixels. Whoever pairs points and pixels decides which
-// direction of Eq. 5 this is; at a minimum over pairs the derivative of the minimum is that of the pair.
+// residual[1] = max(0, |pi(point_in_camera) - pixel| - tolerance), in pixels. Whoever pairs points and pixels
+// decides which direction of Eq. 5 this is; at a minimum over pairs the derivative of the minimum is that of
+// the pair.
 //
 // The distance, not the difference: its square is the same, but its linearisation lets a point slide along
 // the outline, as it may, where the difference would nail it to one pixel. Gauss-Newton needs far fewer steps
 // so. False where the point is behind the camera.
 //
 // A tolerance of about a pixel makes discs of points and pixels, which they are. Inside the silhouette every
-// point has a pixel and every pixel a point at some fraction of a pixel: without a tolerance these pairs, whose
-// partners change with every motion, hold the shape where it is as friction would.
+// point has a pixel and every pixel a point at some fraction of a pixel: without a tolerance these pairs,
+// whose partners change with every motion, hold the shape where it is as friction would.
 struct SilhouetteError {
   Pinhole camera;
   double pixel[2];
