@@ -111,7 +111,7 @@ fn an_output_folder_in_use_is_left_alone() {
 }
 
 /// Two frames, few points, one step: quick, but through the whole house, with either minimiser.
-const QUICK: [&str; 14] = [
+const QUICK: [&str; 12] = [
     "--frames",
     "0..2",
     "--points",
@@ -124,8 +124,6 @@ const QUICK: [&str; 14] = [
     "1",
     "--iterations",
     "3",
-    "--tolerance",
-    "0.01",
 ];
 
 #[test]
@@ -153,11 +151,13 @@ fn the_papers_configuration_runs() {
         config.contains("method = \"lbfgs\"") && config.contains("strategy = \"alternating\""),
         "{config}"
     );
-    let result: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(out.join("result.json")).unwrap()).unwrap();
-    let (start, end) = (
-        &result["objective"]["start"]["total"],
-        &result["objective"]["end"]["total"],
-    );
-    assert!(end.as_f64().unwrap() < start.as_f64().unwrap());
+    // Within one step; visibility is renewed between steps, and with it what the objective sums.
+    let trace = std::fs::read_to_string(out.join("trace.csv")).unwrap();
+    let totals: Vec<f64> = trace
+        .lines()
+        .map(|line| line.split(',').collect::<Vec<_>>())
+        .filter(|cells| cells[..2] == ["level-0", "0"])
+        .map(|cells| cells[4].parse().unwrap())
+        .collect();
+    assert!(totals.len() > 1 && totals.last() < totals.first(), "{totals:?}");
 }
