@@ -61,3 +61,40 @@ impl Estimate {
             .collect();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Rotation3, Vector3};
+
+    #[test]
+    fn putting_the_target_back_keeps_every_camera() {
+        let pose = |i: usize| Pose {
+            rotation: Rotation3::from_scaled_axis(Vector3::new(0.3 * i as f64, -0.2, 0.1)),
+            translation: Vector3::new(0.1 * i as f64, -0.1, 1.5 + i as f64),
+        };
+        // Frame 2 of 0, 1, 2, 3 is the target.
+        let solved = [2, 0, 1, 3].map(pose);
+        let mut estimate = Estimate {
+            target_from_object: solved[0],
+            motion: solved[1..]
+                .iter()
+                .map(|p| RelativePose::between(&solved[0], p))
+                .collect(),
+            style: vec![0.5],
+            alpha: 0.7,
+        };
+        estimate.put_back(2);
+        for frame in 0..4 {
+            let (found, expected) = (estimate.camera_from_object(frame), pose(frame));
+            assert!(
+                (found.rotation.matrix() - expected.rotation.matrix()).norm() < 1e-12,
+                "{frame}"
+            );
+            assert!(
+                (found.translation - expected.translation).norm() < 1e-12,
+                "{frame}"
+            );
+        }
+    }
+}

@@ -68,6 +68,7 @@ pub struct Iteration {
     /// 0 is the start.
     pub number: usize,
     pub objective: ObjectiveValue,
+    /// α of Eq. 6, x_cam = α x'_cam.
     pub alpha: f64,
     pub gradient_norm: f64,
     /// Of this call so far.

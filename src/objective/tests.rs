@@ -228,13 +228,18 @@ fn small_huber_widths_are_differentiated_too() {
 /// Eq. 5 by its definition: brute force over all pixels and points.
 #[test]
 fn the_silhouette_term_is_the_chamfer_distance() {
+    the_silhouette_term_is_that_of(0.0);
+    the_silhouette_term_is_that_of(1.0);
+}
+
+fn the_silhouette_term_is_that_of(tolerance: f64) {
     let at = estimate(3);
     let sequence = sequence(3);
     let options = ObjectiveOptions {
         silhouette_pixels: 0,
         silhouette_points: 0,
         silhouette_cauchy: 0.0,
-        silhouette_tolerance: 0.0,
+        silhouette_tolerance: tolerance,
         ..only(|o| o.silhouette_weight = 0.1)
     };
     let mut objective = objective(&sequence, &options, &at);
@@ -260,9 +265,8 @@ fn the_silhouette_term_is_the_chamfer_distance() {
             }
         }
         let nearest = |from: &nalgebra::Vector2<f64>, to: &[nalgebra::Vector2<f64>]| {
-            to.iter()
-                .map(|u| (u - from).norm_squared())
-                .fold(f64::INFINITY, f64::min)
+            let distance = to.iter().map(|u| (u - from).norm()).fold(f64::INFINITY, f64::min);
+            (distance - tolerance).max(0.0).powi(2)
         };
         chamfer += pixels.iter().map(|u| nearest(u, &projected)).sum::<f64>();
         chamfer += projected.iter().map(|u| nearest(u, &pixels)).sum::<f64>();
@@ -278,12 +282,18 @@ fn the_silhouette_term_is_the_chamfer_distance() {
 /// Eq. 6 by hand: d' is linear in the column, so its first order is d' itself wherever a point projects.
 #[test]
 fn the_inverse_depth_term_is_eq_6() {
+    the_inverse_depth_term_is_that_of(0.0, 1e-9);
+    // Here the depths' own single precision limits the agreement.
+    the_inverse_depth_term_is_that_of(0.002, 1e-6);
+}
+
+fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
     let at = Estimate {
         alpha: 2.0,
         ..estimate(2)
     };
     let mut sequence = sequence(2);
-    let given = |u: f64| 0.4 + 0.002 * u;
+    let given = |u: f64| 0.4 + slope * u;
     for frame in &mut sequence.frames {
         frame.depth = Some(crate::image::DepthMap::from_fn(96, 80, |c, _| {
             (1.0 / given(c as f64 + 0.5)) as f32
@@ -314,9 +324,32 @@ fn the_inverse_depth_term_is_eq_6() {
     }
     let value = objective.evaluate().unwrap().inverse_depth;
     assert!(
-        expected > 1.0 && (value - expected).abs() < 1e-5 * expected,
+        expected > 1.0 && (value - expected).abs() < accuracy * expected,
         "{value} against {expected}"
     );
+}
+
+/// Of five points all but the third lie inside both masks; the target sees 0, 1, 2, the source 1, 2, 3, and to the
+/// source point 0 is hidden.
+#[test]
+fn eq_4_takes_points_inside_both_masks_and_hidden_in_neither() {
+    let seen = |points: &[u32], unoccluded: [bool; 5]| Visibility {
+        points: points
+            .iter()
+            .map(|&point| crate::visibility::VisiblePoint {
+                pixel: (point, 0),
+                point,
+                inverse_depth: 1.0,
+            })
+            .collect(),
+        unoccluded: unoccluded.to_vec(),
+    };
+    let target = seen(&[0, 1, 2], [true; 5]);
+    let source = seen(&[1, 2, 3], [false, true, true, true, true]);
+    let inside = [true, true, false, true, true];
+    let taken = |covisible| photometric_points([&target, &source], [&inside, &[true; 5]], covisible);
+    assert_eq!(taken(true), (vec![1, 3], vec![2, 1]));
+    assert_eq!(taken(false), (vec![0, 1, 3], vec![1, 2, 1]));
 }
 
 #[test]
