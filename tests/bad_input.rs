@@ -62,7 +62,7 @@ impl Scene {
         self
     }
 
-    /// `import` and `inspect` both refuse it, with all of `words` in the message.
+    /// `import`, `solve` and `inspect` all refuse it, with all of `words` in the message.
     fn refused(&self, words: &[&str]) {
         self.refused_with(&[], words);
     }
@@ -75,24 +75,26 @@ impl Scene {
     fn refused_with(&self, options: &[&str], words: &[&str]) {
         let out = self.folder.path().join("out");
         let input = self.path("");
-        let import = program()
-            .arg("import")
-            .arg(&input)
-            .args(options)
-            .args(["--out".as_ref(), out.as_os_str()])
-            .output()
-            .unwrap();
-        let message = String::from_utf8(import.stderr).unwrap();
-        let errors: Vec<_> = message
-            .lines()
-            .filter(|line| !line.starts_with("note: "))
-            .collect();
-        assert_eq!(import.status.code(), Some(1), "{message}");
-        assert_eq!(errors.len(), 1, "{message}");
-        for word in words {
-            assert!(errors[0].contains(word), "no `{word}` in: {message}");
+        for verb in ["import", "solve"] {
+            let run = program()
+                .arg(verb)
+                .arg(&input)
+                .args(options)
+                .args(["--out".as_ref(), out.as_os_str()])
+                .output()
+                .unwrap();
+            let message = String::from_utf8(run.stderr).unwrap();
+            let errors: Vec<_> = message
+                .lines()
+                .filter(|line| !line.starts_with("note: "))
+                .collect();
+            assert_eq!(run.status.code(), Some(1), "{verb}: {message}");
+            assert_eq!(errors.len(), 1, "{verb}: {message}");
+            for word in words {
+                assert!(errors[0].contains(word), "{verb}: no `{word}` in: {message}");
+            }
+            assert_only_input_is_left(self.folder.path());
         }
-        assert_only_input_is_left(self.folder.path());
 
         let inspect = program()
             .arg("inspect")

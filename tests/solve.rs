@@ -51,6 +51,7 @@ fn options_that_do_not_go_together() {
         &["photometric_huber", "more than 0"],
     );
     refused(&car(), &["--levels", "0"], &["levels", "1 to 8"]);
+    refused(&car(), &["--target", "10"], &["target 10", "give 0 to 9"]);
     refused(&car(), &["--frames", "3..3"], &["3..3"]);
     refused(&car(), &["--frames", "0..1"], &["frame"]);
 }
