@@ -61,7 +61,8 @@ fn a_pattern_without_a_match_is_an_error() {
     );
 }
 
-/// Unit diagonal, centred, longest along z, and lower at the front third than in the middle.
+/// Unit diagonal, centred, longest along z, lower at the front third than in the middle, and level: the wheels of
+/// both axles stand at one height.
 fn check(models: &[NamedModel]) {
     for NamedModel { name, mesh, .. } in models {
         let (low, high) = mesh.bounds().unwrap();
@@ -80,6 +81,15 @@ fn check(models: &[NamedModel]) {
                 .fold(f64::MIN, |top, v| top.max(v.y))
         };
         assert!(top(0.0, 0.15) < top(0.4, 0.6), "{name}: front is not at −z");
+        let ground = |half: fn(f64) -> bool| {
+            let half = mesh.vertices.iter().filter(|v| half(v.z));
+            half.fold(f64::MAX, |ground, v| ground.min(v.y))
+        };
+        let step = ground(|z| z < -0.1) - ground(|z| z > 0.1);
+        assert!(
+            step.abs() < 1e-3,
+            "{name}: the front wheels stand {step} above the rear ones"
+        );
     }
 }
 

@@ -6,6 +6,7 @@ use super::archive::{Archive, beside};
 use super::sources::{Library, NamedModel};
 use super::torcs_wheel::{self, Wheel};
 use super::{Axes, CadError, Mesh, ac3d};
+use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
 /// TORCS's data folder.
@@ -44,7 +45,7 @@ impl Library for Torcs {
     }
 }
 
-/// A car with its wheels in the canonical axes, not yet normalised.
+/// A car with its wheels in the canonical axes, standing on level ground, not yet normalised.
 fn car(archive: &mut Archive, car: &str) -> Result<Mesh, CadError> {
     let body = format!("cars/{car}/{car}.acc");
     let mut mesh = ac3d::read(archive, &body)?;
@@ -54,6 +55,7 @@ fn car(archive: &mut Archive, car: &str) -> Result<Mesh, CadError> {
     let parameters = Parameters::parse(&text, &xml_path)?;
 
     let directory = parameters.text("Graphic Objects", "3d wheel directory").ok();
+    let mut contacts = Vec::new();
     for side in ["Front Right", "Front Left", "Rear Right", "Rear Left"] {
         let (axle, _) = side.split_once(' ').unwrap_or((side, ""));
         let section = format!("{side} Wheel");
@@ -70,6 +72,7 @@ fn car(archive: &mut Archive, car: &str) -> Result<Mesh, CadError> {
             radius,
             width,
         };
+        contacts.push([wheel.centre[0], wheel.centre[1] - wheel.radius]);
         mesh.append(match directory {
             Some(directory) => {
                 torcs_wheel::modelled(archive, &format!("wheels/{directory}/wheel0.acc"), &wheel)?
@@ -80,8 +83,21 @@ fn car(archive: &mut Archive, car: &str) -> Result<Mesh, CadError> {
             }
         });
     }
+    mesh.map(Rotation3::from_axis_angle(&Vector3::z_axis(), -rake(&contacts)).matrix());
     mesh.turn(Axes::Y_UP_X_FRONT);
     Ok(mesh)
+}
+
+/// How far the front of the ground lies above its rear, radians, in the frame of a body whose wheels touch it at
+/// `contacts` (forward, up): the ride heights differ between the axles, and cars of other sources stand level.
+fn rake(contacts: &[[f64; 2]]) -> f64 {
+    let n = contacts.len() as f64;
+    let mean = |axis: usize| contacts.iter().map(|c| c[axis]).sum::<f64>() / n;
+    let (x, y) = (mean(0), mean(1));
+    let (along, up) = contacts.iter().fold((0.0, 0.0), |(xx, xy), c| {
+        (xx + (c[0] - x).powi(2), xy + (c[0] - x) * (c[1] - y))
+    });
+    up.atan2(along)
 }
 
 /// As Debian's copyright file sorts the cars: those whose `readme.txt` names the Free Art License, and the rest.
@@ -137,5 +153,18 @@ impl<'a> Parameters<'a> {
             Some(other) => return Err(bad(format!("'{key}' is in '{other}'; known are m, mm and in"))),
         };
         Ok(value * unit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Front wheels 80 mm below the floor, rear wheels 100 mm: the ground rises to the front.
+    #[test]
+    fn rake_is_the_slope_of_the_ground() {
+        let contacts = [[1.4, -0.08], [1.4, -0.08], [-1.2, -0.1], [-1.2, -0.1]];
+        assert!((rake(&contacts) - (0.02f64 / 2.6).atan()).abs() < 1e-12);
+        assert_eq!(rake(&[[1.0, -0.1], [-1.0, -0.1]]), 0.0);
     }
 }
