@@ -37,6 +37,11 @@ fn every_functors_derivative_is_that_of_its_value() {
 }
 
 #[test]
+fn soft_tails_keep_the_cost_and_its_gradient() {
+    compile_and_run("tails.cc");
+}
+
+#[test]
 fn a_consumer_links_the_headers_alone() {
     compile_and_run("consumer.cc");
 }

@@ -4,6 +4,7 @@
 //
 // Parameter blocks: (p0, s) where only the target frame is concerned, else (p0, dp_l, s); Eq. 6 adds log
 // alpha. The parameters' values come from State, which Ceres brings up to date before it evaluates any block.
+// Residuals come with soft tails (tails.h) beyond the width of the block's loss.
 #ifndef SPBA_BLOCKS_H_
 #define SPBA_BLOCKS_H_
 
@@ -12,6 +13,7 @@
 #include "spba/inverse_depth.h"
 #include "spba/photometric.h"
 #include "spba/silhouette.h"
+#include "spba/tails.h"
 #include "state.h"
 
 namespace spba {
@@ -29,7 +31,7 @@ void SeedJets(const double* point, int first_slot, ceres::Jet<double, kSlots>* j
 template <int kResiduals>
 class Block : public ceres::CostFunction {
  public:
-  Block(const State& state, int frame) : state_(state), frame_(frame) {
+  Block(const State& state, int frame, double width) : state_(state), frame_(frame), width_(width) {
     set_num_residuals(kResiduals);
     mutable_parameter_block_sizes()->push_back(6);
     if (frame > 0) mutable_parameter_block_sizes()->push_back(6);
@@ -84,7 +86,11 @@ class Block : public ceres::CostFunction {
   bool EvaluateOnePoint(const Functor& functor, int point, double* residuals, double** jacobians) const {
     if (!Usable(frame_)) return false;
     const double* in_frame = PointInCamera(frame_, point);
-    if (jacobians == nullptr) return functor(in_frame, residuals);
+    if (jacobians == nullptr) {
+      if (!functor(in_frame, residuals)) return false;
+      SoftenTail<kResiduals>(width_, residuals);
+      return true;
+    }
     ceres::Jet<double, 3> jets[3], outputs[kResiduals];
     SeedJets(in_frame, 0, jets);
     if (!functor(jets, outputs)) return false;
@@ -93,25 +99,32 @@ class Block : public ceres::CostFunction {
       residuals[r] = outputs[r].a;
       by_frame.row(r) = outputs[r].v.transpose();
     }
+    by_frame = SoftenTail<kResiduals>(width_, residuals) * by_frame;
     ChainRule(point, by_frame, nullptr, jacobians);
     return true;
   }
 
   const State& state_;
   const int frame_;
+  // Of the loss: beyond it the tail begins.
+  const double width_;
 };
 
 // Eq. 4 for one point and one source frame.
 class PhotometricBlock : public Block<3> {
  public:
-  PhotometricBlock(const State& state, int frame, int point, const PhotometricError& error)
-      : Block(state, frame), point_(point), error_(error) {}
+  PhotometricBlock(const State& state, int frame, double width, int point, const PhotometricError& error)
+      : Block(state, frame, width), point_(point), error_(error) {}
 
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
     if (!Usable(0) || !Usable(frame_)) return false;
     const double* in_target = PointInCamera(0, point_);
     const double* in_frame = PointInCamera(frame_, point_);
-    if (jacobians == nullptr) return error_(in_target, in_frame, residuals);
+    if (jacobians == nullptr) {
+      if (!error_(in_target, in_frame, residuals)) return false;
+      SoftenTail<3>(width_, residuals);
+      return true;
+    }
     ceres::Jet<double, 6> target_jets[3], frame_jets[3], outputs[3];
     SeedJets(in_target, 0, target_jets);
     SeedJets(in_frame, 3, frame_jets);
@@ -122,6 +135,9 @@ class PhotometricBlock : public Block<3> {
       by_target.row(r) = outputs[r].v.head<3>().transpose();
       by_frame.row(r) = outputs[r].v.tail<3>().transpose();
     }
+    const Eigen::Matrix3d softened = SoftenTail<3>(width_, residuals);
+    by_target = softened * by_target;
+    by_frame = softened * by_frame;
     ChainRule(point_, by_frame, &by_target, jacobians);
     return true;
   }
@@ -134,7 +150,8 @@ class PhotometricBlock : public Block<3> {
 // Eq. 5, second sum: a point and the silhouette pixel nearest to it now.
 class PointToSilhouetteBlock : public Block<1> {
  public:
-  PointToSilhouetteBlock(const State& state, int frame, int point) : Block(state, frame), point_(point) {}
+  PointToSilhouetteBlock(const State& state, int frame, double width, int point)
+      : Block(state, frame, width), point_(point) {}
 
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
     if (!Usable(frame_)) return false;
@@ -151,7 +168,8 @@ class PointToSilhouetteBlock : public Block<1> {
 // Eq. 5, first sum: a silhouette pixel and the point whose projection is nearest to it now.
 class SilhouetteToPointBlock : public Block<1> {
  public:
-  SilhouetteToPointBlock(const State& state, int frame, int pixel) : Block(state, frame), pixel_(pixel) {}
+  SilhouetteToPointBlock(const State& state, int frame, double width, int pixel)
+      : Block(state, frame, width), pixel_(pixel) {}
 
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
     if (!Usable(frame_)) return false;
@@ -168,8 +186,8 @@ class SilhouetteToPointBlock : public Block<1> {
 // Eq. 6 at one pixel. Its last parameter block is log alpha: a scale is positive.
 class InverseDepthBlock : public Block<1> {
  public:
-  InverseDepthBlock(const State& state, int frame, int point, const InverseDepthError& error)
-      : Block(state, frame), point_(point), error_(error) {
+  InverseDepthBlock(const State& state, int frame, double width, int point, const InverseDepthError& error)
+      : Block(state, frame, width), point_(point), error_(error) {
     mutable_parameter_block_sizes()->push_back(1);
   }
 
@@ -177,15 +195,20 @@ class InverseDepthBlock : public Block<1> {
     if (!Usable(frame_)) return false;
     const double alpha = std::exp(state_.variables.log_alpha);
     const double* in_frame = PointInCamera(frame_, point_);
-    if (jacobians == nullptr) return error_(in_frame, &alpha, residuals);
+    if (jacobians == nullptr) {
+      if (!error_(in_frame, &alpha, residuals)) return false;
+      SoftenTail<1>(width_, residuals);
+      return true;
+    }
     ceres::Jet<double, 4> point[3], alpha_jet(alpha, 3), output;
     SeedJets(in_frame, 0, point);
     if (!error_(point, &alpha_jet, &output)) return false;
     residuals[0] = output.a;
-    const PointJacobian<1> by_frame = output.v.head<3>().transpose();
+    const double softened = SoftenTail<1>(width_, residuals)(0);
+    const PointJacobian<1> by_frame = softened * output.v.head<3>().transpose();
     ChainRule(point_, by_frame, nullptr, jacobians);
     double* by_log_alpha = jacobians[parameter_block_sizes().size() - 1];
-    if (by_log_alpha != nullptr) *by_log_alpha = output.v[3] * alpha;
+    if (by_log_alpha != nullptr) *by_log_alpha = softened * output.v[3] * alpha;
     return true;
   }
 

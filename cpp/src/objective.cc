@@ -3,6 +3,8 @@
 #include <ceres/loss_function.h>
 #include <ceres/normal_prior.h>
 
+#include <limits>
+
 namespace spba {
 namespace {
 
@@ -17,11 +19,15 @@ ceres::Problem::Options ProblemOptions(State* state) {
 }
 
 // weight * rho(s); Ceres halves it.
-std::unique_ptr<ceres::LossFunction> Scaled(double weight, ceres::LossFunction* rho) {
-  return std::make_unique<ceres::ScaledLoss>(rho, weight, ceres::TAKE_OWNERSHIP);
+std::unique_ptr<ceres::LossFunction> Scaled(double weight, std::unique_ptr<ceres::LossFunction> rho) {
+  return std::make_unique<ceres::ScaledLoss>(rho.release(), weight, ceres::TAKE_OWNERSHIP);
 }
 
-ceres::LossFunction* CauchyOrNone(double width) { return width > 0 ? new ceres::CauchyLoss(width) : nullptr; }
+// A Robust loss of that width for residuals with soft tails.
+template <typename Robust>
+std::unique_ptr<ceres::LossFunction> Soft(double width) {
+  return std::make_unique<SoftTailLoss>(std::make_unique<Robust>(width), width);
+}
 
 }  // namespace
 
@@ -56,10 +62,11 @@ void Objective::AddPhotometric(int frame, const std::vector<uint32_t>& points,
   // A point seen from both sides has the same residual, up to its sign, in both of Eq. 4's sums.
   for (const uint8_t count : {1, 2}) {
     BlockGroup<PhotometricBlock>& group = photometric_.emplace_back();
-    group.loss = Scaled(weights_.photometric * count, new ceres::HuberLoss(weights_.photometric_huber));
+    group.loss = Scaled(weights_.photometric * count, Soft<ceres::HuberLoss>(weights_.photometric_huber));
     for (size_t i = 0; i < points.size(); ++i) {
       if (directions[i] == count) {
-        group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]), error);
+        group.blocks.emplace_back(*state_, frame, weights_.photometric_huber, static_cast<int>(points[i]),
+                                  error);
       }
     }
     AddToProblem(frame, group);
@@ -69,15 +76,22 @@ void Objective::AddPhotometric(int frame, const std::vector<uint32_t>& points,
 void Objective::AddSilhouette(int frame, double pixel_weight, double point_weight) {
   // Eq. 5 squares without a half.
   const double weight = 2.0 * weights_.silhouette / state_->inputs.size();
+  const bool robust = weights_.silhouette_cauchy > 0;
+  const double width = robust ? weights_.silhouette_cauchy : std::numeric_limits<double>::infinity();
+  const auto loss = [&](double side_weight) {
+    return Scaled(weight * side_weight, robust ? Soft<ceres::CauchyLoss>(width) : nullptr);
+  };
   const FrameInput& input = state_->inputs[frame];
   auto& to_silhouette = point_to_silhouette_.emplace_back();
-  to_silhouette.loss = Scaled(weight * point_weight, CauchyOrNone(weights_.silhouette_cauchy));
-  for (int j = 0; j < input.silhouette_points; ++j) to_silhouette.blocks.emplace_back(*state_, frame, j);
+  to_silhouette.loss = loss(point_weight);
+  for (int j = 0; j < input.silhouette_points; ++j) {
+    to_silhouette.blocks.emplace_back(*state_, frame, width, j);
+  }
   AddToProblem(frame, to_silhouette);
   auto& to_point = silhouette_to_point_.emplace_back();
-  to_point.loss = Scaled(weight * pixel_weight, CauchyOrNone(weights_.silhouette_cauchy));
+  to_point.loss = loss(pixel_weight);
   for (size_t k = 0; k < input.silhouette_pixels.size(); ++k) {
-    to_point.blocks.emplace_back(*state_, frame, static_cast<int>(k));
+    to_point.blocks.emplace_back(*state_, frame, width, static_cast<int>(k));
   }
   AddToProblem(frame, to_point);
 }
@@ -86,9 +100,10 @@ void Objective::AddInverseDepth(int frame, const std::vector<uint32_t>& points,
                                 const std::vector<InverseDepthError>& errors) {
   auto& group = inverse_depth_.emplace_back();
   group.loss = Scaled(weights_.inverse_depth / state_->inputs.size(),
-                      new ceres::HuberLoss(weights_.inverse_depth_huber));
+                      Soft<ceres::HuberLoss>(weights_.inverse_depth_huber));
   for (size_t i = 0; i < points.size(); ++i) {
-    group.blocks.emplace_back(*state_, frame, static_cast<int>(points[i]), errors[i]);
+    group.blocks.emplace_back(*state_, frame, weights_.inverse_depth_huber, static_cast<int>(points[i]),
+                              errors[i]);
   }
   AddToProblem(frame, group, &state_->variables.log_alpha);
 }

@@ -67,7 +67,7 @@ impl Default for SolverOptions {
             },
             strategy: Strategy::Joint,
             scale_update: ScaleUpdate::Variable,
-            max_steps: 10,
+            max_steps: 20,
             iterations_per_call: 20,
             threshold: 0.0,
             tolerance: 3e-4,
