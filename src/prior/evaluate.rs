@@ -14,7 +14,7 @@ const FIT_ROUNDS: usize = 20;
 const FIT_SAMPLES_PER_POINT: usize = 4;
 /// Weight of ‖s‖² against the sum of squared distances of a fit, times their expected square: keeps s within
 /// what the data tell.
-const FIT_RIDGE: f64 = 1e-5;
+pub(super) const FIT_RIDGE: f64 = 1e-5;
 
 /// Mean errors over the held-out shapes, in diagonals, with `styles` components.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,10 +65,7 @@ pub fn leave_one_out(
     let held: Vec<Vec<(f64, f64)>> = (0..truth.len())
         .into_par_iter()
         .map(|out| {
-            let rest: Vec<Vec<f64>> = (0..truth.len())
-                .filter(|&m| group[m] != group[out])
-                .map(|m| correspondences.shapes[m].clone())
-                .collect();
+            let rest = rest_of(correspondences, group, out);
             let (prior, _) = LinearPrior::from_correspondences(&rest, correspondences.normals.clone(), most)?;
             let stride = truth[out]
                 .points
@@ -99,6 +96,12 @@ pub fn leave_one_out(
             }
         })
         .collect())
+}
+
+/// All shapes but those of `out`'s group.
+pub(super) fn rest_of(correspondences: &Correspondences, group: &[usize], out: usize) -> Vec<Vec<f64>> {
+    let others = (0..group.len()).filter(|&m| group[m] != group[out]);
+    others.map(|m| correspondences.shapes[m].clone()).collect()
 }
 
 /// The first `count` points of X(s), missing style entries being 0.

@@ -2,6 +2,7 @@
 
 mod evaluate;
 mod file;
+mod frame_error;
 mod glyphs;
 pub mod learn;
 mod linear;
@@ -9,6 +10,7 @@ mod sheet;
 
 pub use evaluate::{FitError, chamfer, leave_one_out, points_of};
 pub use file::{PriorError, PriorInfo, PriorSource, Symmetry, find, load, open, save};
+pub use frame_error::{FrameError, frame_errors};
 pub use linear::{InvalidPrior, LinearPrior};
 pub use sheet::contact_sheet;
 

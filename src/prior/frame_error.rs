@@ -1,0 +1,159 @@
+//! How well a prior knows the canonical frame of a shape that it never saw.
+//!
+//! Pictures give a shape up to a similarity; what pins size and orientation is likeness to the shapes learned from. So
+//! however good the pictures, a camera's error in the object frame is no smaller than what is measured here.
+
+use super::evaluate::{FIT_RIDGE, points_of, rest_of};
+use super::learn::Correspondences;
+use super::{InvalidPrior, LinearPrior, ShapePrior};
+use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
+use rayon::prelude::*;
+
+type V3 = Vector3<f64>;
+
+const ROUNDS: usize = 12;
+/// The camera of `camera_location`: its distance in diagonals, its elevation, over how many azimuths.
+const CAMERA_DISTANCE: f64 = 1.7;
+const CAMERA_ELEVATION_DEG: f64 = 18.0;
+const CAMERA_AZIMUTHS: u32 = 12;
+
+/// The similarity by which the prior misplaces a shape: x_found = scale · R x + t.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameError {
+    pub scale: f64,
+    pub rotation: Rotation3<f64>,
+    /// In diagonals.
+    pub translation: V3,
+}
+
+impl FrameError {
+    /// How far a camera is displaced that looks at the shape from 1.7 diagonals away and 18° above, in
+    /// diagonals: the mean over the azimuths.
+    pub fn camera_location(&self) -> f64 {
+        let (sin, cos) = CAMERA_ELEVATION_DEG.to_radians().sin_cos();
+        let displaced = (0..CAMERA_AZIMUTHS).map(|i| {
+            let azimuth = f64::from(i) / f64::from(CAMERA_AZIMUTHS) * std::f64::consts::TAU;
+            let camera = CAMERA_DISTANCE * V3::new(azimuth.sin() * cos, sin, -azimuth.cos() * cos);
+            (self.scale * (self.rotation * camera) + self.translation - camera).norm()
+        });
+        displaced.sum::<f64>() / f64::from(CAMERA_AZIMUTHS)
+    }
+}
+
+/// Leaves each shape out in turn with its `group`, and fits what the rest teach to its first `points` corresponded
+/// points, by style and similarity at once.
+pub fn frame_errors(
+    correspondences: &Correspondences,
+    group: &[usize],
+    styles: usize,
+    points: usize,
+) -> Result<Vec<FrameError>, InvalidPrior> {
+    (0..correspondences.shapes.len())
+        .into_par_iter()
+        .map(|out| {
+            let rest = rest_of(correspondences, group, out);
+            let (prior, _) =
+                LinearPrior::from_correspondences(&rest, correspondences.normals.clone(), styles)?;
+            Ok(place(&prior, &points_of(&correspondences.shapes[out], points)))
+        })
+        .collect()
+}
+
+/// Gauss–Newton on Σ |x − Rᵀ (X(s) − t) / scale|² + ridge ‖s‖².
+fn place(prior: &LinearPrior, shape: &[V3]) -> FrameError {
+    let styles = prior.style_len();
+    let columns = 7 + styles;
+    let mut found = FrameError {
+        scale: 1.0,
+        rotation: Rotation3::identity(),
+        translation: V3::zeros(),
+    };
+    let mut style = DVector::zeros(styles);
+    let mut model = vec![0.0; 3 * shape.len()];
+    for _ in 0..ROUNDS {
+        prior.points(style.as_slice(), &mut model);
+        let mut normal = DMatrix::zeros(columns, columns);
+        let mut right = DVector::zeros(columns);
+        let shape_from_model = found.rotation.inverse().matrix() / found.scale;
+        let mut rows = DMatrix::zeros(3, columns);
+        for (i, x) in shape.iter().enumerate() {
+            let from_origin = V3::from_column_slice(&model[3 * i..3 * i + 3]) - found.translation;
+            let y = shape_from_model * from_origin;
+            // By log scale, a turn after `rotation`, the translation, and the style.
+            rows.column_mut(0).copy_from(&-y);
+            rows.view_mut((0, 1), (3, 3))
+                .copy_from(&(shape_from_model * from_origin.cross_matrix()));
+            rows.view_mut((0, 4), (3, 3)).copy_from(&-shape_from_model);
+            let basis = &prior.basis()[3 * i * styles..3 * (i + 1) * styles];
+            let basis = nalgebra::DMatrixView::from_slice(basis, styles, 3).transpose();
+            rows.view_mut((0, 7), (3, styles))
+                .copy_from(&(shape_from_model * basis));
+            normal.gemm_tr(1.0, &rows, &rows, 1.0);
+            right.gemv_tr(1.0, &rows, &(x - y), 1.0);
+        }
+        let ridge = FIT_RIDGE * shape.len() as f64;
+        for k in 0..styles {
+            normal[(7 + k, 7 + k)] += ridge;
+            right[7 + k] -= ridge * style[k];
+        }
+        let Some(step) = normal.cholesky().map(|c| c.solve(&right)) else {
+            break;
+        };
+        found.scale *= step[0].exp();
+        found.rotation = Rotation3::from_scaled_axis(V3::new(step[1], step[2], step[3])) * found.rotation;
+        found.translation += V3::new(step[4], step[5], step[6]);
+        style += step.rows(7, styles);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blob(i: usize) -> V3 {
+        let [a, b] = [0.618_034, 0.754_878].map(|g| (i as f64 * g).fract());
+        V3::new(0.4 * a - 0.2, 0.3 * b - 0.15, (0.9 * a * b + 0.1 * b).sin() - 0.4)
+    }
+
+    /// A family stretched along z, and one of it in another frame.
+    #[test]
+    fn a_similarity_is_found() {
+        let member = |stretch: f64| -> Vec<f64> {
+            (0..500)
+                .map(blob)
+                .flat_map(|p| [p.x, p.y, p.z * stretch])
+                .collect()
+        };
+        let family = [0.9, 1.0, 1.1, 1.2].map(member);
+        let normals = vec![[0.0, 1.0, 0.0]; 500];
+        let (prior, _) = LinearPrior::from_correspondences(&family, normals, 1).unwrap();
+        let truth = FrameError {
+            scale: 0.97,
+            rotation: Rotation3::from_scaled_axis(V3::new(0.02, -0.01, 0.03)),
+            translation: V3::new(0.01, -0.02, 0.005),
+        };
+        let shape: Vec<V3> = points_of(&member(1.05), 500)
+            .iter()
+            .map(|p| truth.rotation.inverse() * (p - truth.translation) / truth.scale)
+            .collect();
+        let found = place(&prior, &shape);
+        assert!((found.scale - truth.scale).abs() < 1e-4, "{found:?}");
+        assert!(found.rotation.angle_to(&truth.rotation) < 1e-4, "{found:?}");
+        assert!((found.translation - truth.translation).norm() < 1e-4, "{found:?}");
+    }
+
+    #[test]
+    fn a_camera_moves_with_scale_and_turn() {
+        let mut error = FrameError {
+            scale: 1.01,
+            rotation: Rotation3::identity(),
+            translation: V3::zeros(),
+        };
+        assert!((error.camera_location() - 0.017).abs() < 1e-12);
+        error.scale = 1.0;
+        error.rotation = Rotation3::from_axis_angle(&V3::y_axis(), 0.01);
+        let expected = CAMERA_DISTANCE * CAMERA_ELEVATION_DEG.to_radians().cos() * 0.01;
+        assert!((error.camera_location() - expected).abs() < 1e-6);
+    }
+}
