@@ -96,7 +96,7 @@ struct ObjectiveArgs {
     /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 20; the paper's is 100]
     #[arg(long, value_name = "WIDTH")]
     photometric_huber: Option<f64>,
-    /// λ1, weight of the silhouettes' Chamfer distance [default: 1.3; the paper's is 0.1]
+    /// λ1, weight of the silhouettes' Chamfer distance [default: 1.6; the paper's is 0.1]
     #[arg(long, value_name = "WEIGHT")]
     silhouette_weight: Option<f64>,
     /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 1; the paper has none]

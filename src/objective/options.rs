@@ -60,7 +60,7 @@ impl Default for ObjectiveOptions {
             photometric_weight: 1e-4,
             photometric_huber: 20.0,
             covisible: true,
-            silhouette_weight: 1.3,
+            silhouette_weight: 1.6,
             silhouette_cauchy: 1.0,
             silhouette_tolerance: 1.0,
             inverse_depth_weight: 4e4,
