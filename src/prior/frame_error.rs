@@ -1,7 +1,7 @@
 //! How well a prior knows the canonical frame of a shape that it never saw.
 //!
-//! Pictures give a shape up to a similarity; what pins size and orientation is likeness to the shapes learned from. So
-//! however good the pictures, a camera's error in the object frame is no smaller than what is measured here.
+//! Pictures give a shape up to a similarity; what pins size and orientation is likeness to the shapes learned from. So, on average,
+//! however good the pictures are, cameras are as far off in the object frame as is measured here.
 
 use super::evaluate::{FIT_RIDGE, points_of, rest_of};
 use super::learn::Correspondences;
