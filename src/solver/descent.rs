@@ -1,4 +1,4 @@
-//! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and of α (Eq. 8).
+//! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and, on request, of α (Eq. 8).
 
 use super::{
     Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, Strategy, Termination, TraceRow,

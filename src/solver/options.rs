@@ -33,9 +33,9 @@ pub const fn default_lbfgs_rank() -> u32 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Strategy {
-    /// Algorithm 1: p0, then all Δp_l, then s, then α by Eq. 8.
+    /// Algorithm 1: p0, then all Δp_l, then s; α as `scale_update` says.
     Alternating,
-    /// All at once, then α by Eq. 8.
+    /// All at once; α as `scale_update` says.
     Joint,
 }
 
@@ -47,7 +47,7 @@ pub struct SolverOptions {
     pub strategy: Strategy,
     /// How α is renewed after every step; the paper's Eq. 8 is `regression`.
     pub scale_update: ScaleUpdate,
-    /// Steps of Algorithm 1 per pyramid level; visibility and α are renewed before each.
+    /// Steps of Algorithm 1 per pyramid level; visibility is renewed before each.
     pub max_steps: usize,
     /// Ceres iterations per call.
     pub iterations_per_call: u32,
