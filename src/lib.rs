@@ -5,7 +5,8 @@
 //! [`solver::Solution`] → files ([`report`]).
 //!
 //! # Conventions
-//! - **Object frame** = world frame: +Y up, −Z front, bounding-box diagonal 1, centred at the origin.
+//! - **Object frame** = world frame: +Y up, −Z front; the box of the body, beyond each face of which lies 1 % of the
+//!   surface (antennas, mirrors), is centred at the origin with diagonal 1.
 //! - **Camera frame**: x right, y down, z forward. Poses are `camera_from_object`: `x_cam = R x + t`.
 //! - **Pixels**: the centre of the top-left pixel is (0.5, 0.5).
 //! - **Inverse depth** is 1 / z; depth maps store z, 0 = unknown.

@@ -1,8 +1,14 @@
 //! A triangle mesh with materials and textures, in the object frame once normalised.
 
+use super::sample_outside;
 use crate::image::RgbImage;
 use nalgebra::Vector3;
 use std::sync::Arc;
+
+/// Draws for the box of the body.
+const BODY_SAMPLES: usize = 20_000;
+/// The share of the outside beyond each face of that box.
+const BODY_BEYOND: f64 = 0.01;
 
 /// A texture image; its alpha, where it has one, in \[0, 1\], row-major like the image.
 #[derive(Clone, Debug)]
@@ -38,13 +44,37 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Moves and scales the mesh so that its bounding box is centred at the origin with diagonal 1: the
+    /// Moves and scales the mesh so that the box of its body is centred at the origin with diagonal 1: the
     /// canonical object frame, provided the axes are already +Y up and −Z front.
+    ///
+    /// Beyond each face of that box lies 1 % of the mesh's outside. The bounding box proper would let an antenna or
+    /// a pair of mirrors decide where the object is and how large.
     pub fn normalise(&mut self) {
+        // Sampling wants a mesh of about unit size.
         let Some((low, high)) = self.bounds() else { return };
+        self.fit_box(&low, &high);
+        let outside = sample_outside(self, BODY_SAMPLES, 0).points;
+        if outside.is_empty() {
+            return;
+        }
+        let beyond = (BODY_BEYOND * outside.len() as f64) as usize;
+        let sorted: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+            let mut along: Vec<f64> = outside.iter().map(|point| point[axis]).collect();
+            along.sort_unstable_by(f64::total_cmp);
+            along
+        });
+        let low = Vector3::from_fn(|axis, _| sorted[axis][beyond]);
+        let high = Vector3::from_fn(|axis, _| sorted[axis][outside.len() - 1 - beyond]);
+        self.fit_box(&low, &high);
+    }
+
+    /// Moves and scales the mesh so that the box from `low` to `high` is centred at the origin with diagonal 1.
+    fn fit_box(&mut self, low: &Vector3<f64>, high: &Vector3<f64>) {
         let (centre, diagonal) = ((low + high) / 2.0, (high - low).norm());
-        for vertex in &mut self.vertices {
-            *vertex = (*vertex - centre) / diagonal;
+        if diagonal > 0.0 {
+            for vertex in &mut self.vertices {
+                *vertex = (*vertex - centre) / diagonal;
+            }
         }
     }
 
@@ -70,5 +100,31 @@ impl Mesh {
                 material: t.material + material_base,
                 ..t
             }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::cuboid;
+    use super::*;
+
+    #[test]
+    fn the_canonical_frame_is_the_body_s() {
+        let mut body = cuboid(Vector3::new(3.0, 4.0, 5.0), Vector3::new(4.0, 2.0, 8.0));
+        let mut with_antenna = body.clone();
+        with_antenna.append(cuboid(Vector3::new(3.0, 5.5, 7.0), Vector3::new(0.01, 1.0, 0.01)));
+        body.normalise();
+        with_antenna.normalise();
+        let (low, high) = body.bounds().unwrap();
+        assert!(((high - low).norm() - 1.0).abs() < 0.02 && (high + low).norm() < 0.01);
+        assert!(
+            (high - low)
+                .normalize()
+                .dot(&Vector3::new(4.0, 2.0, 8.0).normalize())
+                > 1.0 - 1e-9
+        );
+        for (a, b) in body.vertices.iter().zip(&with_antenna.vertices) {
+            assert!((a - b).norm() < 0.005, "{a} {b}");
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 mod ac3d;
 mod archive;
+mod bvh;
 mod contact_sheet;
 mod error;
 mod frame;
@@ -10,12 +11,16 @@ mod lines;
 mod mesh;
 mod obj;
 mod orbit;
+mod outside;
 mod plain;
+mod random;
 pub mod render;
 pub mod scene;
 mod sgi;
 mod sources;
 mod sweethome;
+#[cfg(test)]
+pub(crate) mod synthetic;
 mod texture;
 mod torcs;
 mod torcs_wheel;
@@ -26,5 +31,6 @@ pub use error::CadError;
 pub use frame::{Axes, Axis};
 pub use mesh::{Material, Mesh, Texture, Triangle};
 pub use orbit::orbit;
+pub use outside::{OutsideSample, mirror, sample_outside};
 pub use plain::load;
 pub use sources::{NamedModel, SourceKind, SourceSpec, load_source};

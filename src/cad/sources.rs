@@ -10,7 +10,7 @@ use super::{Axes, Axis, CadError, Mesh};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A model in the object frame: +Y up, −Z front, bounding-box diagonal 1, centred at the origin.
+/// A model in the object frame: +Y up, −Z front, as [`Mesh::normalise`] leaves it.
 #[derive(Clone, Debug)]
 pub struct NamedModel {
     /// Once only within its source.

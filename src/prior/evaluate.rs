@@ -1,8 +1,9 @@
 //! How well a linear prior reconstructs shapes that it never saw: leave-one-out Chamfer error.
 
 use super::LinearPrior;
-use super::learn::{Correspondences, OutsideSample, tree_of};
+use super::learn::{Correspondences, tree_of};
 use super::linear::InvalidPrior;
+use crate::cad::OutsideSample;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
@@ -14,7 +15,7 @@ const FIT_ROUNDS: usize = 20;
 const FIT_SAMPLES_PER_POINT: usize = 4;
 /// Weight of ‖s‖² against the sum of squared distances of a fit, times their expected square: keeps s within
 /// what the data tell.
-pub(super) const FIT_RIDGE: f64 = 1e-5;
+const FIT_RIDGE: f64 = 1e-5;
 
 /// Mean errors over the held-out shapes, in diagonals, with `styles` components.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,6 +4,7 @@
 
 use super::LinearPrior;
 use super::linear::InvalidPrior;
+use crate::geometry::OBJECT_FRAME;
 use half::f16;
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
@@ -329,7 +330,7 @@ impl PriorInfo {
             schema: SCHEMA,
             kind: "linear".to_owned(),
             category: category.to_owned(),
-            frame: "+Y up, -Z front, bounding-box diagonal 1, centred at the origin".to_owned(),
+            frame: OBJECT_FRAME.to_owned(),
             symmetry: Symmetry::MirrorX,
             styles,
             points,

@@ -1,21 +1,23 @@
 //! How well a prior knows the canonical frame of a shape that it never saw.
 //!
-//! Pictures give a shape up to a similarity; what pins size and orientation is likeness to the shapes learned from. So, on average,
-//! however good the pictures are, cameras are as far off in the object frame as is measured here.
+//! Pictures give a shape up to a similarity; what pins size and orientation is likeness to the shapes learned from. So,
+//! however good the pictures are, cameras are on average as far off in the object frame as is measured here.
 
-use super::evaluate::{FIT_RIDGE, points_of, rest_of};
+use super::evaluate::{points_of, rest_of};
 use super::learn::Correspondences;
 use super::{InvalidPrior, LinearPrior, ShapePrior};
+use crate::cad::orbit;
+use crate::geometry::{Pinhole, Pose};
+use crate::visibility::{Surfels, visible_points};
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use rayon::prelude::*;
 
 type V3 = Vector3<f64>;
 
 const ROUNDS: usize = 12;
-/// The camera of `camera_location`: its distance in diagonals, its elevation, over how many azimuths.
-const CAMERA_DISTANCE: f64 = 1.7;
-const CAMERA_ELEVATION_DEG: f64 = 18.0;
-const CAMERA_AZIMUTHS: u32 = 12;
+/// Weight of ‖s‖² per point: little, since many pictures tell much.
+const RIDGE: f64 = 1e-7;
+const IMAGE_PX: usize = 256;
 
 /// The similarity by which the prior misplaces a shape: x_found = scale · R x + t.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,26 +29,33 @@ pub struct FrameError {
 }
 
 impl FrameError {
-    /// How far a camera is displaced that looks at the shape from 1.7 diagonals away and 18° above, in
-    /// diagonals: the mean over the azimuths.
+    /// How far a camera is displaced that stands at the front right, 1.7 diagonals away and 18° above, in diagonals.
     pub fn camera_location(&self) -> f64 {
-        let (sin, cos) = CAMERA_ELEVATION_DEG.to_radians().sin_cos();
-        let displaced = (0..CAMERA_AZIMUTHS).map(|i| {
-            let azimuth = f64::from(i) / f64::from(CAMERA_AZIMUTHS) * std::f64::consts::TAU;
-            let camera = CAMERA_DISTANCE * V3::new(azimuth.sin() * cos, sin, -azimuth.cos() * cos);
-            (self.scale * (self.rotation * camera) + self.translation - camera).norm()
-        });
-        displaced.sum::<f64>() / f64::from(CAMERA_AZIMUTHS)
+        let camera = front_right().center();
+        (self.scale * (self.rotation * camera) + self.translation - camera).norm()
     }
 }
 
-/// Leaves each shape out in turn with its `group`, and fits what the rest teach to its first `points` corresponded
-/// points, by style and similarity at once.
+/// Which of a shape's points the fit gets to see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Known {
+    All,
+    /// Those that a camera at the front right sees.
+    FromFrontRight,
+}
+
+fn front_right() -> Pose {
+    orbit(35.0, 18.0, 1.7)
+}
+
+/// Leaves each shape out in turn with its `group`, and fits what the rest teach to the known ones of its first `points`
+/// corresponded points, by style and similarity at once.
 pub fn frame_errors(
     correspondences: &Correspondences,
     group: &[usize],
     styles: usize,
     points: usize,
+    known: Known,
 ) -> Result<Vec<FrameError>, InvalidPrior> {
     (0..correspondences.shapes.len())
         .into_par_iter()
@@ -54,13 +63,38 @@ pub fn frame_errors(
             let rest = rest_of(correspondences, group, out);
             let (prior, _) =
                 LinearPrior::from_correspondences(&rest, correspondences.normals.clone(), styles)?;
-            Ok(place(&prior, &points_of(&correspondences.shapes[out], points)))
+            let shape = points_of(&correspondences.shapes[out], points);
+            let known = match known {
+                Known::All => vec![true; shape.len()],
+                Known::FromFrontRight => seen(&shape, &front_right()),
+            };
+            Ok(place(&prior, &shape, &known))
         })
         .collect()
 }
 
-/// Gauss–Newton on Σ |x − Rᵀ (X(s) − t) / scale|² + ridge ‖s‖².
-fn place(prior: &LinearPrior, shape: &[V3]) -> FrameError {
+fn seen(shape: &[V3], camera_from_object: &Pose) -> Vec<bool> {
+    let points: Vec<f64> = shape.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
+    let side = IMAGE_PX as f64;
+    let camera = Pinhole {
+        fx: side,
+        fy: side,
+        cx: side / 2.0,
+        cy: side / 2.0,
+    };
+    let surfels = Surfels::new(&points);
+    visible_points(
+        &points,
+        &camera,
+        camera_from_object,
+        (IMAGE_PX, IMAGE_PX),
+        Some(&surfels),
+    )
+    .unoccluded
+}
+
+/// Gauss–Newton on Σ |x − Rᵀ (X(s) − t) / scale|² + ridge ‖s‖², over the known points.
+fn place(prior: &LinearPrior, shape: &[V3], known: &[bool]) -> FrameError {
     let styles = prior.style_len();
     let columns = 7 + styles;
     let mut found = FrameError {
@@ -70,13 +104,14 @@ fn place(prior: &LinearPrior, shape: &[V3]) -> FrameError {
     };
     let mut style = DVector::zeros(styles);
     let mut model = vec![0.0; 3 * shape.len()];
+    let ridge = RIDGE * known.iter().filter(|&&known| known).count() as f64;
     for _ in 0..ROUNDS {
         prior.points(style.as_slice(), &mut model);
         let mut normal = DMatrix::zeros(columns, columns);
         let mut right = DVector::zeros(columns);
         let shape_from_model = found.rotation.inverse().matrix() / found.scale;
         let mut rows = DMatrix::zeros(3, columns);
-        for (i, x) in shape.iter().enumerate() {
+        for (i, x) in shape.iter().enumerate().filter(|&(i, _)| known[i]) {
             let from_origin = V3::from_column_slice(&model[3 * i..3 * i + 3]) - found.translation;
             let y = shape_from_model * from_origin;
             // By log scale, a turn after `rotation`, the translation, and the style.
@@ -91,7 +126,6 @@ fn place(prior: &LinearPrior, shape: &[V3]) -> FrameError {
             normal.gemm_tr(1.0, &rows, &rows, 1.0);
             right.gemv_tr(1.0, &rows, &(x - y), 1.0);
         }
-        let ridge = FIT_RIDGE * shape.len() as f64;
         for k in 0..styles {
             normal[(7 + k, 7 + k)] += ridge;
             right[7 + k] -= ridge * style[k];
@@ -137,7 +171,7 @@ mod tests {
             .iter()
             .map(|p| truth.rotation.inverse() * (p - truth.translation) / truth.scale)
             .collect();
-        let found = place(&prior, &shape);
+        let found = place(&prior, &shape, &[true; 500]);
         assert!((found.scale - truth.scale).abs() < 1e-4, "{found:?}");
         assert!(found.rotation.angle_to(&truth.rotation) < 1e-4, "{found:?}");
         assert!((found.translation - truth.translation).norm() < 1e-4, "{found:?}");
@@ -153,7 +187,32 @@ mod tests {
         assert!((error.camera_location() - 0.017).abs() < 1e-12);
         error.scale = 1.0;
         error.rotation = Rotation3::from_axis_angle(&V3::y_axis(), 0.01);
-        let expected = CAMERA_DISTANCE * CAMERA_ELEVATION_DEG.to_radians().cos() * 0.01;
+        let expected = 1.7 * 18f64.to_radians().cos() * 0.01;
         assert!((error.camera_location() - expected).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_camera_at_the_front_right_sees_those_sides() {
+        // A box's surface, ±0.2 × ±0.15 × ±0.4.
+        let shape: Vec<V3> = (0..6000)
+            .map(|i| {
+                let [a, b] = [0.754_878, 0.569_840].map(|g| 2.0 * (f64::from(i) * g).fract() - 1.0);
+                let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+                let unit = match i % 6 / 2 {
+                    0 => V3::new(side, a, b),
+                    1 => V3::new(a, side, b),
+                    _ => V3::new(a, b, side),
+                };
+                unit.component_mul(&V3::new(0.2, 0.15, 0.4))
+            })
+            .collect();
+        let seen = seen(&shape, &front_right());
+        let share = |faces: [usize; 3]| {
+            let of_faces = (0..shape.len()).filter(|i| faces.contains(&(i % 6)));
+            of_faces.map(|i| f64::from(u8::from(seen[i]))).sum::<f64>() / (shape.len() / 2) as f64
+        };
+        // Right, top and front; left, bottom and rear.
+        let (near, far) = (share([0, 2, 5]), share([1, 3, 4]));
+        assert!(near > 0.95 && far < 0.2, "{near} {far}");
     }
 }

@@ -10,7 +10,7 @@ mod sheet;
 
 pub use evaluate::{FitError, chamfer, leave_one_out, points_of};
 pub use file::{PriorError, PriorInfo, PriorSource, Symmetry, find, load, open, save};
-pub use frame_error::{FrameError, frame_errors};
+pub use frame_error::{FrameError, Known, frame_errors};
 pub use linear::{InvalidPrior, LinearPrior};
 pub use sheet::contact_sheet;
 

@@ -6,7 +6,7 @@ use super::folder::Staging;
 use super::sheet::Sheet;
 use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, overlay, ply, silhouette_iou, trace, trajectory};
-use crate::geometry::{Pose, Similarity};
+use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
 use crate::image::write_depth;
 use crate::init::Estimate;
 use crate::sequence::Sequence;
@@ -161,8 +161,7 @@ fn write_shapes(
         colours.mirrored,
         surface.points().len() - colours.seen - colours.mirrored,
     );
-    let frame = "frame: object, +Y up, -Z front, bounding-box diagonal 1";
-    let comments = [frame.to_owned(), origin.clone()];
+    let comments = [format!("object frame: {OBJECT_FRAME}"), origin.clone()];
     let path = folder.join("shape.ply");
     ply::write_shape(
         &path,

@@ -1,6 +1,6 @@
 //! The backdrop: three octaves of blotches in each colour.
 
-use super::random::{blotches, hash};
+use super::super::random::{blotches, hash};
 use super::{Scene, stream};
 use crate::image::{Grid, RgbImage};
 

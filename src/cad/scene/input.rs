@@ -1,6 +1,6 @@
 //! What off-the-shelf tools would give: noisy poses and semi-dense depth in a frame and scale of their own.
 
-use super::random::{Random, blotches, hash};
+use super::super::random::{Random, blotches, hash};
 use super::{Rendering, Scene, stream};
 use crate::geometry::{Pose, Rotation3, Vector3};
 use crate::image::{DepthMap, Grid, RgbImage};

@@ -7,17 +7,16 @@ mod background;
 mod config;
 mod input;
 mod outside;
-mod random;
 
 pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput};
 pub use outside::outside_points;
 
+use super::random::Random;
 use super::render::{Renderer, Rendering, View};
 use super::{CadError, Mesh, load_source, orbit};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use crate::image::{Grid, RgbImage};
 use crate::sequence::{Frame, Sequence, Truth};
-use random::Random;
 use rayon::prelude::*;
 
 /// Streams of chance, one per purpose, so that changing one option leaves what the others draw alone.

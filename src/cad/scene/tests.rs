@@ -210,7 +210,7 @@ fn the_bundled_sequence_is_whole() {
             (high - low).powi(2)
         })
         .sum();
-    assert!((size.sqrt() - 1.0).abs() < 0.01, "{size}");
+    assert!((1.0..1.05).contains(&size.sqrt()), "{size}");
     for (frame, pose) in sequence.frames.iter().zip(&truth.camera_from_object) {
         // The shape projects into the mask, but for what thinning and the pixel grid leave.
         let inside = truth.shape.iter().filter(|point| {

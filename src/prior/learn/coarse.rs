@@ -2,7 +2,7 @@
 //! then replaces, a few times over.
 
 use super::assignment::assign_points;
-use super::outside::OutsideSample;
+use crate::cad::OutsideSample;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 

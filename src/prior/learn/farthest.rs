@@ -1,6 +1,6 @@
 //! Farthest-point order: an order in which every prefix is an even sample of the whole.
 
-use super::outside::mirror;
+use crate::cad::mirror;
 use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;

@@ -4,25 +4,18 @@
 //! the points are stored as mirrored pairs.
 
 mod assignment;
-mod bvh;
 mod coarse;
 mod farthest;
 mod neighbours;
-mod outside;
 mod principal;
 mod register;
-#[cfg(test)]
-mod synthetic;
-
-pub use outside::{OutsideSample, sample_outside};
 
 pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 
-use crate::cad::Mesh;
+use crate::cad::{Mesh, OutsideSample, mirror, sample_outside};
 use farthest::{farthest_order, farthest_order_mirrored};
 use nalgebra::Vector3;
-use outside::mirror;
 use rayon::prelude::*;
 use register::{Template, carry};
 

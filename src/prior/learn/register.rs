@@ -3,7 +3,7 @@
 //! min_d Σ a_i |m_i + d_i − t_i|² + λ Σ_{i~j} |d_i − d_j|², with t renewed in every round and λ falling.
 
 use super::neighbours::{Neighbours, oriented};
-use super::outside::OutsideSample;
+use crate::cad::OutsideSample;
 use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;
@@ -191,9 +191,9 @@ pub fn carry(points: &[V3], coarse: &[V3], coarse_goal: &[V3]) -> Vec<V3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cad::sample_outside;
+    use crate::cad::synthetic::toy_car;
     use crate::prior::learn::farthest::farthest_order_mirrored;
-    use crate::prior::learn::outside::sample_outside;
-    use crate::prior::learn::synthetic::toy_car;
 
     #[test]
     fn a_toy_car_is_drawn_onto_another() {

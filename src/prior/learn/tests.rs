@@ -1,5 +1,5 @@
-use super::synthetic::toy_car;
 use super::*;
+use crate::cad::synthetic::toy_car;
 use crate::prior::{LinearPrior, PriorInfo};
 
 const POINTS: usize = 512;

@@ -1,5 +1,6 @@
 //! Point clouds as binary little-endian PLY with `float x y z`.
 
+use crate::geometry::OBJECT_FRAME;
 use crate::image::one_line;
 use crate::sequence::SequenceError;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -15,7 +16,7 @@ pub(super) fn read(file: &Path) -> Result<Vec<[f32; 3]>, SequenceError> {
 
 pub(super) fn encode(points: &[[f32; 3]]) -> Vec<u8> {
     let header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment object frame: +Y up, -Z front, bounding-box diagonal 1\n\
+        "ply\nformat binary_little_endian 1.0\ncomment object frame: {OBJECT_FRAME}\n\
          element vertex {}\nproperty float x\nproperty float y\nproperty float z\nend_header\n",
         points.len()
     );

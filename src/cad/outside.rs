@@ -1,7 +1,8 @@
 //! Oriented samples of a model's outside: what a camera around it could see, without seats, engine or driver.
 
+use super::Mesh;
 use super::bvh::Bvh;
-use crate::cad::Mesh;
+use super::random::Random;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -102,11 +103,11 @@ fn draw(triangles: &[[V3; 3]], count: usize, seed: u64) -> Vec<(V3, V3)> {
         .map(|[a, b, c]| (b - a).cross(&(c - a)))
         .collect();
     let total: f64 = crosses.iter().map(V3::norm).sum();
-    let mut random = SplitMix(seed);
+    let mut random = Random::new(seed, 0, 0);
     let (mut index, mut below) = (0, 0.0);
     let mut drawn = Vec::with_capacity(count);
     for k in 0..count {
-        let target = (k as f64 + random.unit()) / count as f64 * total;
+        let target = (k as f64 + random.uniform()) / count as f64 * total;
         while index + 1 < triangles.len() && below + crosses[index].norm() <= target {
             below += crosses[index].norm();
             index += 1;
@@ -117,7 +118,7 @@ fn draw(triangles: &[[V3; 3]], count: usize, seed: u64) -> Vec<(V3, V3)> {
         let Some(normal) = cross.try_normalize(1e-18) else {
             continue;
         };
-        let (root, v) = (random.unit().sqrt(), random.unit());
+        let (root, v) = (random.uniform().sqrt(), random.uniform());
         drawn.push((a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v), normal));
     }
     drawn
@@ -139,24 +140,10 @@ fn sphere_directions() -> Vec<V3> {
         .collect()
 }
 
-/// SplitMix64 (Steele et al. 2014): enough for sampling, and the same on every machine.
-struct SplitMix(u64);
-
-impl SplitMix {
-    /// Uniform in [0, 1).
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::learn::synthetic::cuboid;
+    use crate::cad::synthetic::cuboid;
 
     #[test]
     fn an_inner_box_is_dropped_and_normals_point_out() {

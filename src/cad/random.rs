@@ -2,32 +2,32 @@
 //! with the version of a library.
 
 /// An independent generator for each (seed, stream, index).
-pub(super) struct Random {
+pub(in crate::cad) struct Random {
     state: u64,
 }
 
 impl Random {
-    pub(super) fn new(seed: u64, stream: u64, index: u64) -> Self {
+    pub(in crate::cad) fn new(seed: u64, stream: u64, index: u64) -> Self {
         Self {
             state: hash(hash(hash(seed) ^ stream) ^ index),
         }
     }
 
     /// In \[0, 1).
-    pub(super) fn uniform(&mut self) -> f64 {
+    pub(in crate::cad) fn uniform(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         unit(mix(self.state))
     }
 
     /// Standard normal (Box–Muller).
-    pub(super) fn normal(&mut self) -> f64 {
+    pub(in crate::cad) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()
     }
 }
 
 /// A smooth random field over the plane in \[0, 1\], with blotches of about one unit.
-pub(super) fn blotches(key: u64, x: f64, y: f64) -> f64 {
+pub(in crate::cad) fn blotches(key: u64, x: f64, y: f64) -> f64 {
     let corner = |x: i64, y: i64| unit(hash(hash(key ^ hash(x as u64)) ^ y as u64));
     let (left, top) = (x.floor(), y.floor());
     let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
@@ -38,7 +38,7 @@ pub(super) fn blotches(key: u64, x: f64, y: f64) -> f64 {
 }
 
 /// Scatters a number over all 64 bits.
-pub(super) fn hash(value: u64) -> u64 {
+pub(in crate::cad) fn hash(value: u64) -> u64 {
     mix(value.wrapping_add(0x9e37_79b9_7f4a_7c15))
 }
 
