@@ -1,10 +1,12 @@
 //! Rigid motions, twists and the pinhole camera (Eq. 1–3): pure functions on nalgebra types.
 
 mod camera;
+mod plane;
 mod pose;
 mod similarity;
 
 pub use camera::Pinhole;
+pub use plane::tangent_plane;
 pub use pose::{Pose, RelativePose};
 pub use similarity::Similarity;
 

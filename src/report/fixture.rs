@@ -1,31 +1,24 @@
 //! A made-up solve for tests: a box-like car on a turning platform.
 
 use super::Surface;
+use crate::cad::orbit;
 use crate::geometry::{Pinhole, Pose, RelativePose, Rotation3, Vector3};
 use crate::image::Grid;
 use crate::init::Estimate;
 use crate::sequence::{Frame, Sequence, Truth};
 use crate::solver::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
-
-/// Numbers in \[0, 1) that are the same on every machine.
-pub(crate) struct Random(pub u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// Points at random on a sphere.
 pub(crate) fn sphere(count: usize, radius: f64, seed: u64) -> Vec<Vector3<f64>> {
-    let mut random = Random(seed);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
     (0..count)
         .map(|_| {
-            let (y, angle) = (2.0 * random.next() - 1.0, std::f64::consts::TAU * random.next());
+            let (y, angle) = (
+                2.0 * random.random::<f64>() - 1.0,
+                std::f64::consts::TAU * random.random::<f64>(),
+            );
             let ring = (1.0 - y * y).sqrt();
             radius * Vector3::new(ring * angle.cos(), y, ring * angle.sin())
         })
@@ -40,19 +33,19 @@ pub(crate) const CAR_BOXES: [(Vector3<f64>, Vector3<f64>); 2] = [
 
 /// Points at random on a body with a smaller cabin toward the rear (+z); the object frame's box has diagonal 1.
 pub(crate) fn box_car(count: usize) -> Vec<Vector3<f64>> {
-    let mut random = Random(7);
+    let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut points = Vec::with_capacity(count);
     while points.len() < count {
-        let (centre, size) = CAR_BOXES[usize::from(random.next() > 0.72)];
-        let mut point = Vector3::from_fn(|i, _| size[i] * (random.next() - 0.5));
+        let (centre, size) = CAR_BOXES[usize::from(random.random::<f64>() > 0.72)];
+        let mut point = Vector3::from_fn(|i, _| size[i] * (random.random::<f64>() - 0.5));
         let areas = [size.y * size.z, size.z * size.x, size.x * size.y];
-        let mut pick = random.next() * areas.iter().sum::<f64>();
+        let mut pick = random.random::<f64>() * areas.iter().sum::<f64>();
         let axis = areas.iter().position(|area| {
             pick -= area;
             pick < 0.0
         });
         let axis = axis.unwrap_or(2);
-        point[axis] = size[axis] * if random.next() < 0.5 { -0.5 } else { 0.5 };
+        point[axis] = size[axis] * if random.random::<f64>() < 0.5 { -0.5 } else { 0.5 };
         let point = centre + point;
         let inside = CAR_BOXES.iter().any(|(centre, size)| {
             (point - centre)
@@ -66,29 +59,6 @@ pub(crate) fn box_car(count: usize) -> Vec<Vector3<f64>> {
         }
     }
     points
-}
-
-/// A camera on a circle around the object, looking at it; `azimuth_deg` 0 is the front (−Z).
-pub(crate) fn looking_at(azimuth_deg: f64, elevation_deg: f64, distance: f64) -> Pose {
-    let (azimuth, elevation) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
-    let center = distance
-        * Vector3::new(
-            azimuth.sin() * elevation.cos(),
-            elevation.sin(),
-            -azimuth.cos() * elevation.cos(),
-        );
-    let forward = -center.normalize();
-    let right = Vector3::y().cross(&-forward).normalize();
-    let down = forward.cross(&right);
-    let rotation = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_rows(&[
-        right.transpose(),
-        down.transpose(),
-        forward.transpose(),
-    ]));
-    Pose {
-        rotation,
-        translation: -(rotation * center),
-    }
 }
 
 /// A sequence that was rendered from `surface`, whose off-the-shelf poses are the true ones in a frame of their own
@@ -106,7 +76,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
         translation: Vector3::new(0.2, 0.1, -0.3),
     };
     let poses: Vec<_> = (0..frame_count)
-        .map(|i| looking_at(25.0 + 12.0 * i as f64, 14.0, 1.35))
+        .map(|i| orbit(25.0 + 12.0 * i as f64, 14.0, 1.35))
         .collect();
     let views: Vec<_> = poses
         .iter()

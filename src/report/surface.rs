@@ -2,7 +2,7 @@
 
 use super::Neighbours;
 use super::facets;
-use crate::geometry::{Pinhole, Pose, Vector3};
+use crate::geometry::{Pinhole, Pose, Vector3, tangent_plane};
 use crate::image::{DepthMap, Grid, Mask};
 
 /// Points on a surface, each with a footprint: the facets that join it to its neighbours. Object frame and units.
@@ -51,7 +51,8 @@ impl Surface {
             .iter()
             .zip(&rings)
             .map(|(point, ring)| {
-                let normal = plane_normal(ring.iter().map(|&(i, _)| points[i]));
+                let around: Vec<_> = ring.iter().map(|&(i, _)| points[i]).collect();
+                let (normal, _) = tangent_plane(&around);
                 if normal.dot(&(point - centroid)) < 0.0 {
                     -normal
                 } else {
@@ -193,16 +194,6 @@ fn pixels(coordinates: [f64; 3], size: usize) -> std::ops::Range<usize> {
     low..clamp((a.max(b).max(c) + 0.5).floor()).max(low)
 }
 
-/// The direction in which the points vary least; any unit vector if they do not span a plane.
-fn plane_normal(points: impl Iterator<Item = Vector3<f64>> + Clone) -> Vector3<f64> {
-    let mean = points.clone().sum::<Vector3<f64>>() / points.clone().count().max(1) as f64;
-    let scatter = points
-        .map(|point| (point - mean) * (point - mean).transpose())
-        .sum::<nalgebra::Matrix3<f64>>();
-    let eigen = scatter.symmetric_eigen();
-    eigen.eigenvectors.column(eigen.eigenvalues.imin()).normalize()
-}
-
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<_> = values.collect();
     sorted.sort_by(f64::total_cmp);
@@ -212,7 +203,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fixture::{CAR_BOXES, box_car, looking_at, sphere};
+    use crate::cad::orbit;
+    use crate::report::fixture::{CAR_BOXES, box_car, sphere};
 
     const CAMERA: Pinhole = Pinhole {
         fx: 400.0,
@@ -354,7 +346,7 @@ mod tests {
             let (mut missing, mut leaks, mut outside, mut outline, mut area, mut error) =
                 (0, 0, 0, 0, 0, 0.0);
             for azimuth in 0..8 {
-                let pose = looking_at(45.0 * f64::from(azimuth) + 3.0, 12.0, 1.7);
+                let pose = orbit(45.0 * f64::from(azimuth) + 3.0, 12.0, 1.7);
                 let (truth, view) = (analytic_car(&pose), surface.render(&CAMERA, &pose, SIZE));
                 for (row, column) in (1..SIZE.1 - 1).flat_map(|row| (1..SIZE.0 - 1).map(move |c| (row, c))) {
                     let (z, expected) = (view.depth[(column, row)], truth[(column, row)]);

@@ -1,7 +1,7 @@
 //! Small opaque discs on the points of X, so that a sparse sample hides what lies behind it (ours).
 
 use super::VisiblePoint;
-use crate::geometry::{Matrix3, Pinhole, Rotation3, Vector3};
+use crate::geometry::{Pinhole, Rotation3, Vector3, tangent_plane};
 use nabo::{KDTree, Point, simple_point::SimplePoint};
 
 /// Neighbours that make a point's tangent plane, itself included.
@@ -127,15 +127,4 @@ impl Disc {
             && normal.dot(&(point - centre)).abs() > SCATTER_TOLERANCE * self.scatter
             && (point * along - centre).norm_squared() < self.radius * self.radius
     }
-}
-
-/// The direction in which the points spread least, and their standard deviation along it.
-fn tangent_plane(points: &[Vector3<f64>]) -> (Vector3<f64>, f64) {
-    let count = points.len().max(1) as f64;
-    let mean = points.iter().sum::<Vector3<f64>>() / count;
-    let scatter: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
-    let eigen = scatter.symmetric_eigen();
-    let least = eigen.eigenvalues.imin();
-    let variance = eigen.eigenvalues[least].max(0.0) / count;
-    (eigen.eigenvectors.column(least).into_owned(), variance.sqrt())
 }

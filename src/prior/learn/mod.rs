@@ -14,6 +14,7 @@ pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 
 use crate::cad::{Mesh, OutsideSample, mirror, sample_outside};
+use crate::geometry::tangent_plane;
 use farthest::{farthest_order, farthest_order_mirrored};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -259,16 +260,8 @@ fn fitted_normals(points: &[V3], hints: &[V3]) -> Vec<V3> {
         .zip(hints)
         .map(|(point, hint)| {
             let near = tree.k_nearest(neighbours::oriented(point, hint, 0.05), SUPPORT);
-            let centre = near.iter().map(|n| points[n.index]).sum::<V3>() / near.len().max(1) as f64;
-            let spread: nalgebra::Matrix3<f64> = near
-                .iter()
-                .map(|n| {
-                    let d = points[n.index] - centre;
-                    d * d.transpose()
-                })
-                .sum();
-            let eigen = spread.symmetric_eigen();
-            let fitted = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+            let around: Vec<V3> = near.iter().map(|n| points[n.index]).collect();
+            let (fitted, _) = tangent_plane(&around);
             let fitted = if fitted.dot(hint) < 0.0 { -fitted } else { fitted };
             (fitted + hint).try_normalize(1e-9).unwrap_or(*hint)
         })
