@@ -145,7 +145,9 @@ fn the_papers_configuration_runs() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/paper.toml");
-    let options = [&QUICK[..], &["--config", paper.to_str().unwrap()]].concat();
+    let mut options = [&QUICK[..], &["--config", paper.to_str().unwrap()]].concat();
+    // From two frames the short solve already ends where L-BFGS finds nothing to gain.
+    options[1] = "0..3";
     solve(&car(), &out, &options).success();
     let config = std::fs::read_to_string(out.join("config.toml")).unwrap();
     assert!(
