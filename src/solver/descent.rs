@@ -16,6 +16,16 @@ fn blocks(strategy: Strategy) -> &'static [Block] {
     }
 }
 
+/// Where a descent goes, and how it is called in the trace.
+pub(super) struct Route<'a> {
+    pub stage: &'a str,
+    /// Steps at each level, before those of Algorithm 1, that move p0 alone (with α, where it is a variable): a shape that is
+    /// free while the pose is far off bends to the wrong pose.
+    pub placing_steps: usize,
+    /// Pyramid levels in turn.
+    pub levels: &'a [usize],
+}
+
 /// What one descent did.
 pub(super) struct Descent {
     pub estimate: Estimate,
@@ -26,13 +36,12 @@ pub(super) struct Descent {
     pub termination: Termination,
 }
 
-/// Runs steps of Algorithm 1 at the pyramid levels `levels` in turn, from where `objective` stands.
+/// Runs steps of Algorithm 1 along `route`, from where `objective` stands.
 pub(super) fn descend(
     objective: &mut Objective,
     camera_from_input: &[Option<Pose>],
     options: &SolverOptions,
-    levels: impl Iterator<Item = usize>,
-    stage: &str,
+    route: &Route,
     progress: &mut Progress,
 ) -> Result<Descent, ObjectiveError> {
     let mut descent = Descent {
@@ -43,13 +52,19 @@ pub(super) fn descend(
         iterations: 0,
         termination: Termination::StepLimit,
     };
-    'levels: for level in levels {
+    let stage = route.stage;
+    'levels: for &level in route.levels {
         objective.set_level(level)?;
         descent.termination = Termination::StepLimit;
-        for step in 0..options.max_steps {
+        for step in 0..route.placing_steps + options.max_steps {
+            let placing = step < route.placing_steps;
             objective.update_visibility()?;
             let before = objective.evaluate()?.total;
-            for &block in blocks(options.strategy) {
+            for &block in if placing {
+                &[Block::Target]
+            } else {
+                blocks(options.strategy)
+            } {
                 let call = Call {
                     block,
                     free_alpha: options.scale_update == ScaleUpdate::Variable,
@@ -94,7 +109,7 @@ pub(super) fn descend(
                 descent.termination = Termination::BelowThreshold;
                 break;
             }
-            if before - after <= options.tolerance * before {
+            if !placing && before - after <= options.tolerance * before {
                 descent.termination = Termination::Converged;
                 break;
             }

@@ -17,7 +17,7 @@ use crate::objective::{Objective, ObjectiveError, ObjectiveOptions};
 use crate::prior::ShapePrior;
 use crate::sequence::Sequence;
 use cpu_time::ProcessTime;
-use descent::{Descent, descend};
+use descent::{Descent, Route, descend};
 use progress::Progress;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -25,6 +25,8 @@ use std::time::Instant;
 
 /// A hypothesis is judged with this many of the prior's points.
 const HYPOTHESIS_POINTS: usize = 2048;
+/// So many steps of a short solve move the pose alone.
+const PLACING_STEPS: usize = 3;
 
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
@@ -60,21 +62,10 @@ pub fn solve(
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
     let began = Instant::now();
     let cpu_began = cpu_seconds();
-    let run = |start: &Estimate,
-               weights: &ObjectiveOptions,
-               options: &SolverOptions,
-               levels: &[usize],
-               stage: &str| {
+    let run = |start: &Estimate, weights: &ObjectiveOptions, options: &SolverOptions, route: &Route| {
         let mut objective = Objective::new(sequence, prior.clone(), weights, options.levels, start)?;
         let mut progress = Progress::new(observer, began);
-        let descent = descend(
-            &mut objective,
-            &camera_from_input,
-            options,
-            levels.iter().copied(),
-            stage,
-            &mut progress,
-        )?;
+        let descent = descend(&mut objective, &camera_from_input, options, route, &mut progress)?;
         Ok::<_, ObjectiveError>((descent, progress.into_trace()))
     };
 
@@ -89,8 +80,11 @@ pub fn solve(
                 &start.estimate,
                 &cautious,
                 &short,
-                &[coarsest],
-                &format!("hypothesis-{i}/"),
+                &Route {
+                    stage: &format!("hypothesis-{i}/"),
+                    placing_steps: PLACING_STEPS,
+                    levels: &[coarsest],
+                },
             )
         })
         .collect::<Result<_, _>>()?;
@@ -103,8 +97,11 @@ pub fn solve(
         &trials[chosen].0.estimate,
         objective_options,
         options,
-        &levels,
-        "",
+        &Route {
+            stage: "",
+            placing_steps: 0,
+            levels: &levels,
+        },
     )?;
     let hypotheses = starts
         .iter()
