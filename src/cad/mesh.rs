@@ -54,18 +54,9 @@ impl Mesh {
         let Some((low, high)) = self.bounds() else { return };
         self.fit_box(&low, &high);
         let outside = sample_outside(self, BODY_SAMPLES, 0).points;
-        if outside.is_empty() {
-            return;
+        if let Some((low, high)) = body_box(&outside) {
+            self.fit_box(&low, &high);
         }
-        let beyond = (BODY_BEYOND * outside.len() as f64) as usize;
-        let sorted: [Vec<f64>; 3] = std::array::from_fn(|axis| {
-            let mut along: Vec<f64> = outside.iter().map(|point| point[axis]).collect();
-            along.sort_unstable_by(f64::total_cmp);
-            along
-        });
-        let low = Vector3::from_fn(|axis, _| sorted[axis][beyond]);
-        let high = Vector3::from_fn(|axis, _| sorted[axis][outside.len() - 1 - beyond]);
-        self.fit_box(&low, &high);
     }
 
     /// Moves and scales the mesh so that the box from `low` to `high` is centred at the origin with diagonal 1.
@@ -101,6 +92,19 @@ impl Mesh {
                 ..t
             }));
     }
+}
+
+/// Lowest and highest corner of the box beyond each face of which 1 % of `outside` lies; `None` if that is empty.
+pub(super) fn body_box(outside: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let beyond = (BODY_BEYOND * outside.len() as f64) as usize;
+    let last = outside.len().checked_sub(1 + beyond)?;
+    let sorted: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+        let mut along: Vec<f64> = outside.iter().map(|point| point[axis]).collect();
+        along.sort_unstable_by(f64::total_cmp);
+        along
+    });
+    let corner = |index: usize| Vector3::from_fn(|axis, _| sorted[axis][index]);
+    Some((corner(beyond), corner(last)))
 }
 
 #[cfg(test)]

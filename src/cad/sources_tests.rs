@@ -1,3 +1,5 @@
+use super::super::mesh::body_box;
+use super::super::sample_outside;
 use super::*;
 
 /// Debian's `torcs-data` and `sweethome3d-furniture`, where they are installed.
@@ -61,10 +63,16 @@ fn a_pattern_without_a_match_is_an_error() {
     );
 }
 
-/// The body about as large as its bounding box and in its middle, longest along z, lower at the front third than in
-/// the middle, and level: the wheels of both axles stand at one height.
+/// The body's box, by other samples than the loader's, centred with diagonal 1 and about as large as the bounding
+/// box; longest along z, lower at the front third than in the middle, and level: the wheels of both axles stand at
+/// one height.
 fn check(models: &[NamedModel]) {
     for NamedModel { name, mesh, .. } in models {
+        let (low, high) = body_box(&sample_outside(mesh, 20_000, 1).points).unwrap();
+        assert!(
+            ((high - low).norm() - 1.0).abs() < 0.01 && (low + high).norm() < 0.01,
+            "{name}: {low} {high}"
+        );
         let (low, high) = mesh.bounds().unwrap();
         let size = high - low;
         assert!(

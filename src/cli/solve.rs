@@ -79,7 +79,7 @@ pub struct Args {
     /// Past steps that L-BFGS remembers (lbfgs only) [default: 20]
     #[arg(long, value_name = "N")]
     lbfgs_rank: Option<u32>,
-    /// Pose hypotheses that each get a short solve [default: 8; the paper keeps the one of best IoU]
+    /// Pose hypotheses that each get a short solve with the default weights [default: 8; the paper keeps the one of best IoU]
     #[arg(long, value_name = "N")]
     hypotheses: Option<usize>,
     /// Threads over hypotheses; the result does not depend on it [default: one per core]

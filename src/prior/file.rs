@@ -26,7 +26,7 @@ pub struct PriorInfo {
     pub kind: String,
     /// `car`, `chair` …
     pub category: String,
-    /// The object frame in words.
+    /// The object frame in words: [`OBJECT_FRAME`].
     pub frame: String,
     pub symmetry: Symmetry,
     /// S.
@@ -87,6 +87,8 @@ pub enum PriorError {
     Metadata { path: PathBuf, reason: String },
     #[error("{}: prior schema {found}, this build reads {SCHEMA}: learn the prior again with this version", path.display())]
     Version { path: PathBuf, found: u64 },
+    #[error("{}: object frame `{found}`, this build's is `{OBJECT_FRAME}`: learn the prior again with this version", path.display())]
+    Frame { path: PathBuf, found: String },
     #[error("{}: tensor `{tensor}` {reason}: learn the prior again", path.display())]
     Tensor {
         path: PathBuf,
@@ -276,6 +278,12 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
     let info: PriorInfo = serde_json::from_value(value).map_err(|e| wrong(format!("is wrong: {e}")))?;
     if info.kind != "linear" {
         return Err(wrong(format!("has kind `{}`, only `linear` is known", info.kind)));
+    }
+    if info.frame != OBJECT_FRAME {
+        return Err(PriorError::Frame {
+            path: path.to_owned(),
+            found: info.frame,
+        });
     }
     if info.symmetry == Symmetry::MirrorX && !info.points.is_multiple_of(2) {
         return Err(wrong(format!(

@@ -73,6 +73,7 @@ pub fn frame_errors(
         .collect()
 }
 
+/// Which points are in the image and not hidden by others.
 fn seen(shape: &[V3], camera_from_object: &Pose) -> Vec<bool> {
     let points: Vec<f64> = shape.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
     let side = IMAGE_PX as f64;

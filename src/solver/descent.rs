@@ -52,7 +52,6 @@ pub(super) fn descend(
         iterations: 0,
         termination: Termination::StepLimit,
     };
-    let stage = route.stage;
     'levels: for &level in route.levels {
         objective.set_level(level)?;
         descent.termination = Termination::StepLimit;
@@ -60,11 +59,12 @@ pub(super) fn descend(
             let placing = step < route.placing_steps;
             objective.update_visibility()?;
             let before = objective.evaluate()?.total;
-            for &block in if placing {
+            let moved = if placing {
                 &[Block::Target]
             } else {
                 blocks(options.strategy)
-            } {
+            };
+            for &block in moved {
                 let call = Call {
                     block,
                     free_alpha: options.scale_update == ScaleUpdate::Variable,
@@ -76,7 +76,7 @@ pub(super) fn descend(
                 let outcome = objective.minimise(&call, &mut |iteration| {
                     let evaluations = so_far.plus(iteration.evaluations);
                     progress.report(TraceRow {
-                        stage: format!("{stage}level-{level}"),
+                        stage: format!("{}level-{level}", route.stage),
                         step,
                         block: block.name().to_owned(),
                         iteration: iteration.number,

@@ -40,7 +40,8 @@ pub enum SolveError {
 }
 
 /// Minimises Eq. 9 over a sequence: a short solve from every start at the coarsest pyramid level, then from
-/// the best of them through all levels.
+/// the best of them through all levels. The short solves take none of the options given: they are part of the start,
+/// which is the same for all methods and weights.
 ///
 /// `observer` sees every Ceres iteration and returns false to stop there; the best state so far is then the
 /// solution. Starts are solved side by side on rayon's threads, each in itself on one thread, so that the
@@ -69,9 +70,12 @@ pub fn solve(
         Ok::<_, ObjectiveError>((descent, progress.into_trace()))
     };
 
-    let coarsest = options.levels - 1;
-    let short = short_options(options);
-    let cautious = objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count());
+    let short = SolverOptions {
+        max_steps: 5,
+        iterations_per_call: 10,
+        ..SolverOptions::default()
+    };
+    let cautious = ObjectiveOptions::default().cautious(HYPOTHESIS_POINTS, prior.point_count());
     let trials: Vec<(Descent, Vec<TraceRow>)> = starts
         .par_iter()
         .enumerate()
@@ -83,7 +87,7 @@ pub fn solve(
                 &Route {
                     stage: &format!("hypothesis-{i}/"),
                     placing_steps: PLACING_STEPS,
-                    levels: &[coarsest],
+                    levels: &[short.levels - 1],
                 },
             )
         })
@@ -145,18 +149,6 @@ pub fn solve(
 /// Processor time of the whole process so far.
 fn cpu_seconds() -> f64 {
     ProcessTime::now().as_duration().as_secs_f64()
-}
-
-/// A hypothesis's short solve is always joint LM: it is part of the start, and the same for all methods.
-fn short_options(options: &SolverOptions) -> SolverOptions {
-    let defaults = SolverOptions::default();
-    SolverOptions {
-        minimiser: defaults.minimiser,
-        strategy: defaults.strategy,
-        max_steps: 5,
-        iterations_per_call: 10,
-        ..options.clone()
-    }
 }
 
 /// The index of the lowest objective.

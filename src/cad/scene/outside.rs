@@ -4,6 +4,7 @@ use super::super::{Mesh, sample_outside};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+/// Draws to thin.
 const SAMPLES: usize = 400_000;
 
 /// At most `count` points, evenly spread over the outside of `mesh`; object frame.

@@ -1,3 +1,4 @@
+use super::super::mesh::body_box;
 use super::super::{Material, Triangle};
 use super::*;
 use crate::geometry::{Similarity, Vector2};
@@ -203,14 +204,16 @@ fn the_bundled_sequence_is_whole() {
     let sequence = crate::sequence::load(folder.as_ref(), &Default::default()).unwrap();
     let truth = sequence.truth.unwrap();
     assert_eq!((sequence.frames.len(), truth.camera_from_object.len()), (10, 10));
-    let size: f32 = (0..3)
-        .map(|a| {
-            let low = truth.shape.iter().map(|p| p[a]).fold(f32::MAX, f32::min);
-            let high = truth.shape.iter().map(|p| p[a]).fold(f32::MIN, f32::max);
-            (high - low).powi(2)
-        })
-        .sum();
-    assert!((1.0..1.05).contains(&size.sqrt()), "{size}");
+    let shape: Vec<_> = truth
+        .shape
+        .iter()
+        .map(|p| Vector3::from(p.map(f64::from)))
+        .collect();
+    let (low, high) = body_box(&shape).unwrap();
+    assert!(
+        ((high - low).norm() - 1.0).abs() < 0.01 && (low + high).norm() < 0.01,
+        "{low} {high}"
+    );
     for (frame, pose) in sequence.frames.iter().zip(&truth.camera_from_object) {
         // The shape projects into the mask, but for what thinning and the pixel grid leave.
         let inside = truth.shape.iter().filter(|point| {

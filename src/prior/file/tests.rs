@@ -110,6 +110,10 @@ fn broken_files_are_named_for_what_they_are() {
     assert!(refusal(&with_metadata(|v| v["points"] = 5.into())).contains("odd number of points"));
     assert!(refusal(&with_metadata(|v| v["styles"] = 3.into())).contains("tensor `basis`"));
     assert!(refusal(&with_metadata(|v| v["kind"] = "decoder".into())).contains("kind `decoder`"));
+    assert!(
+        refusal(&with_metadata(|v| v["frame"] = "+Z up".into()))
+            .contains("object frame `+Z up`, this build's")
+    );
     let unnamed = serialize(SafeTensors::deserialize(&whole).unwrap().tensors(), None).unwrap();
     assert!(refusal(&unnamed).contains("metadata `spba_prior` is missing"));
 }
