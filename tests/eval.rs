@@ -104,6 +104,7 @@ fn write_result(surface: &Surface, sequence: &Sequence, estimate: Estimate, out:
         iterations: 0,
         termination: Termination::Converged,
         hypotheses: vec![],
+        steps: vec![],
         trace: vec![],
         seconds: vec![],
     };

@@ -42,6 +42,7 @@ Problem::Problem(const ProblemOptions& options, Prior prior)
       silhouette_weights_(options.frames) {
   state_.inputs.resize(options.frames);
   state_.silhouette_tolerance = options.silhouette_tolerance;
+  state_.weak_perspective = options.weak_perspective;
   state_.variables.target_from_object.setZero();
   state_.variables.motion.assign(options.frames - 1, Vector6::Zero());
 }

@@ -75,6 +75,13 @@ void State::UpdateFrame(int l) {
     }
   }
 
+  if (weak_perspective) {
+    for (Matrix3* matrix : {&frame.rotation, &frame.d_target[0], &frame.d_target[1], &frame.d_target[2],
+                            &frame.d_motion[0], &frame.d_motion[1], &frame.d_motion[2]}) {
+      matrix->row(2).setZero();
+    }
+  }
+
   const int n = point_count();
   frame.points.resize(n);
   frame.pixels.resize(n);

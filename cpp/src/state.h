@@ -44,7 +44,7 @@ struct FrameInput {
 };
 
 struct FrameState {
-  Matrix3 rotation;                    // camera_from_object
+  Matrix3 rotation;                    // camera_from_object; its last row is zero under weak perspective
   Vector3 translation;                 // camera_from_object
   Matrix3 d_target[3];                 // d rotation / d omega_0
   Matrix3 d_motion[3];                 // d rotation / d delta omega_l
@@ -90,6 +90,8 @@ class State : public ceres::EvaluationCallback {
   Variables variables;
   std::vector<FrameInput> inputs;
   double silhouette_tolerance = 0.0;  // pixels
+  // Every point projects as if it had the depth of the object's origin (Zhu et al.).
+  bool weak_perspective = false;
   std::vector<FrameState> frames;
 
  private:

@@ -30,6 +30,8 @@ pub mod ffi {
         inverse_depth_huber: f64,
         /// Weight of −log p(s) = ½‖s‖²; 0 leaves the term out.
         style_weight: f64,
+        /// Every point projects as if it had the depth of the object's origin.
+        weak_perspective: bool,
     }
 
     /// Intrinsics in pixels, top-left pixel centre at (0.5, 0.5).

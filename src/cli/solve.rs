@@ -61,7 +61,7 @@ pub struct Args {
     /// Pyramid levels [default: 3; the paper mentions none]
     #[arg(long, value_name = "N")]
     levels: Option<usize>,
-    /// Steps of Algorithm 1 per pyramid level [default: 10]
+    /// Steps of Algorithm 1 per pyramid level [default: 20]
     #[arg(long, value_name = "N")]
     max_steps: Option<usize>,
     /// Ceres iterations per call [default: 20]

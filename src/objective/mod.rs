@@ -94,6 +94,7 @@ impl<'a> Objective<'a> {
                 inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,
+                weak_perspective: options.weak_perspective,
             },
             Box::new(PriorCallback::new(prior.clone())),
         )?;

@@ -30,6 +30,9 @@ pub struct ObjectiveOptions {
     /// Weight of −log p(s) = ½‖s‖²; 0 leaves it out, as the paper does. Without it a shape seen from few sides
     /// runs off to styles that no car has.
     pub style_weight: f64,
+    /// Points project as if all had the depth of the object's origin, as in Zhu et al. There is no depth of single
+    /// points then, so the inverse-depth term must have no weight. Visibility stays that of the perspective camera.
+    pub weak_perspective: bool,
     /// N: how many of the prior's points to use; 0 means all.
     pub points: usize,
     /// At most this many of each silhouette's pixels are paired with points, the weight rescaled; 0 means all.
@@ -66,6 +69,7 @@ impl Default for ObjectiveOptions {
             inverse_depth_weight: 4e4,
             inverse_depth_huber: 0.003,
             style_weight: 3.0,
+            weak_perspective: false,
             points: 8192,
             silhouette_pixels: 2000,
             silhouette_points: 2048,
@@ -128,6 +132,9 @@ impl ObjectiveOptions {
             if !(width.is_finite() && width > 0.0) {
                 return Err((name, "must be more than 0"));
             }
+        }
+        if self.weak_perspective && self.inverse_depth_weight > 0.0 {
+            return Err(("inverse_depth_weight", "must be 0 with weak_perspective"));
         }
         Ok(())
     }

@@ -197,6 +197,47 @@ fn each_terms_gradient_is_that_of_its_value() {
 }
 
 #[test]
+fn weak_perspective_is_differentiated_too() {
+    assert_gradient(&weak(), &estimate(3));
+}
+
+/// From far away with a long lens both cameras are one.
+#[test]
+fn weak_perspective_is_perspective_from_afar() {
+    let value = |weak_perspective: bool, times_as_far: f64| {
+        let mut sequence = sequence(3);
+        let mut at = estimate(3);
+        at.target_from_object.translation.z *= times_as_far;
+        for frame in &mut sequence.frames {
+            frame.camera.fx *= times_as_far;
+            frame.camera.fy *= times_as_far;
+        }
+        for motion in &mut at.motion {
+            motion.0.translation.z = 0.0;
+        }
+        let options = ObjectiveOptions {
+            weak_perspective,
+            ..weak()
+        };
+        objective(&sequence, &options, &at).evaluate().unwrap().total
+    };
+    let (near, far) = (
+        value(true, 1.0) / value(false, 1.0),
+        value(true, 1e4) / value(false, 1e4),
+    );
+    assert!((far - 1.0).abs() < 1e-3, "{far}");
+    assert!((near - 1.0).abs() > 5e-3, "{near}");
+}
+
+fn weak() -> ObjectiveOptions {
+    only(|o| {
+        o.weak_perspective = true;
+        o.photometric_weight = 1.0;
+        o.silhouette_weight = 0.1;
+    })
+}
+
+#[test]
 fn the_whole_gradient_is_that_of_the_value() {
     assert_gradient(&ObjectiveOptions::default(), &estimate(4));
 }

@@ -155,6 +155,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
             jacobian_evaluations: 1,
             seconds: 0.25,
         }],
+        steps: Vec::new(),
         seconds: vec![("solve".into(), 1.5), ("solve".into(), 0.5)],
     };
     (sequence, solution)

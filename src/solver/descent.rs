@@ -1,12 +1,14 @@
 //! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and, on request, of α (Eq. 8).
 
 use super::{
-    Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, Strategy, Termination, TraceRow,
-    scale_from_motion,
+    Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, StepState, Strategy, Termination,
+    TraceRow, scale_from_motion,
 };
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
 use crate::objective::{Block, Call, Objective, ObjectiveError};
+use crate::sequence::Sequence;
+use cpu_time::ThreadTime;
 
 /// What a step of Algorithm 1 moves, in order.
 fn blocks(strategy: Strategy) -> &'static [Block] {
@@ -34,16 +36,22 @@ pub(super) struct Descent {
     pub evaluations: Evaluations,
     pub iterations: usize,
     pub termination: Termination,
+    pub steps: Vec<StepState>,
+    pub trace: Vec<TraceRow>,
+    /// Of this thread; a descent uses no other.
+    pub cpu_seconds: f64,
 }
 
 /// Runs steps of Algorithm 1 along `route`, from where `objective` stands.
 pub(super) fn descend(
     objective: &mut Objective,
-    camera_from_input: &[Option<Pose>],
+    sequence: &Sequence,
     options: &SolverOptions,
     route: &Route,
     progress: &mut Progress,
 ) -> Result<Descent, ObjectiveError> {
+    let began = ThreadTime::now();
+    let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
     let mut descent = Descent {
         estimate: objective.estimate()?,
         start: objective.evaluate()?,
@@ -51,6 +59,9 @@ pub(super) fn descend(
         evaluations: Evaluations::default(),
         iterations: 0,
         termination: Termination::StepLimit,
+        steps: Vec::new(),
+        trace: Vec::new(),
+        cpu_seconds: 0.0,
     };
     'levels: for &level in route.levels {
         objective.set_level(level)?;
@@ -99,12 +110,18 @@ pub(super) fn descend(
             if options.scale_update == ScaleUpdate::Regression
                 && let Some(alpha) = scale_from_motion(
                     &objective.estimate()?,
-                    camera_from_input,
+                    &camera_from_input,
                     &mean_point(&objective.points()?),
                 )
             {
                 objective.set_alpha(alpha)?;
             }
+            descent.steps.push(StepState {
+                level,
+                estimate: objective.estimate()?,
+                evaluations: descent.evaluations,
+                cpu_seconds: began.elapsed().as_secs_f64(),
+            });
             if after < options.threshold {
                 descent.termination = Termination::BelowThreshold;
                 break;
@@ -119,6 +136,8 @@ pub(super) fn descend(
     objective.update_visibility()?;
     descent.end = objective.evaluate()?;
     descent.estimate = objective.estimate()?;
+    descent.trace = progress.take_trace();
+    descent.cpu_seconds = began.elapsed().as_secs_f64();
     Ok(descent)
 }
 

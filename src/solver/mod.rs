@@ -6,17 +6,20 @@ mod progress;
 mod scale;
 mod solution;
 
-pub use options::{Minimiser, SolverOptions, Strategy, default_lbfgs_rank, default_trust_region_radius};
+pub use options::{
+    Minimiser, MotionStart, SolverOptions, Strategy, default_lbfgs_rank, default_trust_region_radius,
+};
 pub use progress::Observer;
 pub use scale::{ScaleUpdate, scale_from_motion};
-pub use solution::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
+pub use solution::{
+    Evaluations, HypothesisOutcome, ObjectiveValue, Solution, StepState, Termination, TraceRow,
+};
 
-use crate::geometry::Pose;
+use crate::geometry::RelativePose;
 use crate::init::{Estimate, Initialisation};
 use crate::objective::{Objective, ObjectiveError, ObjectiveOptions};
 use crate::prior::ShapePrior;
 use crate::sequence::Sequence;
-use cpu_time::ProcessTime;
 use descent::{Descent, Route, descend};
 use progress::Progress;
 use rayon::prelude::*;
@@ -39,13 +42,10 @@ pub enum SolveError {
     Objective(#[from] ObjectiveError),
 }
 
-/// Minimises Eq. 9 over a sequence: a short solve from every start at the coarsest pyramid level, then from
-/// the best of them through all levels. The short solves take none of the options given: they are part of the start,
-/// which is the same for all methods and weights.
+/// Minimises Eq. 9 over a sequence: [`short_solves`], then [`refine`] from the best of them.
 ///
 /// `observer` sees every Ceres iteration and returns false to stop there; the best state so far is then the
-/// solution. Starts are solved side by side on rayon's threads, each in itself on one thread, so that the
-/// result does not depend on how many there are.
+/// solution.
 ///
 /// # Errors
 /// Options out of range, no start, or a failing objective.
@@ -60,58 +60,86 @@ pub fn solve(
     options
         .check()
         .map_err(|(name, why)| SolveError::Option(name, why))?;
-    let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
-    let began = Instant::now();
-    let cpu_began = cpu_seconds();
-    let run = |start: &Estimate, weights: &ObjectiveOptions, options: &SolverOptions, route: &Route| {
-        let mut objective = Objective::new(sequence, prior.clone(), weights, options.levels, start)?;
-        let mut progress = Progress::new(observer, began);
-        let descent = descend(&mut objective, &camera_from_input, options, route, &mut progress)?;
-        Ok::<_, ObjectiveError>((descent, progress.into_trace()))
-    };
+    let short = short_solves(sequence, prior, starts, observer)?;
+    let refined = refine(
+        sequence,
+        prior,
+        &short.estimate,
+        objective_options,
+        options,
+        observer,
+    )?;
+    Ok(Solution {
+        hypotheses: short.hypotheses,
+        trace: short.trace.into_iter().chain(refined.trace).collect(),
+        seconds: short.seconds.into_iter().chain(refined.seconds).collect(),
+        ..refined
+    })
+}
 
-    let short = SolverOptions {
+/// The best of the short solves.
+#[derive(Clone, Debug)]
+pub struct ShortSolves {
+    pub estimate: Estimate,
+    pub hypotheses: Vec<HypothesisOutcome>,
+    pub trace: Vec<TraceRow>,
+    /// As in [`Solution::seconds`].
+    pub seconds: Vec<(String, f64)>,
+}
+
+/// A short solve from every start, at the coarsest pyramid level; the lowest objective wins.
+///
+/// They take no options: they are part of the start, which is the same for all methods and weights. They run side by
+/// side on rayon's threads, each in itself on one thread, so that the result does not depend on how many there are.
+///
+/// # Errors
+/// No start, or a failing objective.
+pub fn short_solves(
+    sequence: &Sequence,
+    prior: &Arc<dyn ShapePrior>,
+    starts: &[Initialisation],
+    observer: &Observer,
+) -> Result<ShortSolves, SolveError> {
+    let began = Instant::now();
+    let options = SolverOptions {
         max_steps: 5,
         iterations_per_call: 10,
         ..SolverOptions::default()
     };
     let cautious = ObjectiveOptions::default().cautious(HYPOTHESIS_POINTS, prior.point_count());
-    let trials: Vec<(Descent, Vec<TraceRow>)> = starts
+    let trials: Vec<Descent> = starts
         .par_iter()
         .enumerate()
         .map(|(i, start)| {
-            run(
-                &start.estimate,
+            let mut objective = Objective::new(
+                sequence,
+                prior.clone(),
                 &cautious,
-                &short,
-                &Route {
-                    stage: &format!("hypothesis-{i}/"),
-                    placing_steps: PLACING_STEPS,
-                    levels: &[short.levels - 1],
-                },
+                options.levels,
+                &start.estimate,
+            )?;
+            let route = Route {
+                stage: &format!("hypothesis-{i}/"),
+                placing_steps: PLACING_STEPS,
+                levels: &[options.levels - 1],
+            };
+            descend(
+                &mut objective,
+                sequence,
+                &options,
+                &route,
+                &mut Progress::new(observer),
             )
         })
         .collect::<Result<_, _>>()?;
-    let chosen = best_trial(&trials).ok_or(SolveError::NoStart)?;
-    let hypotheses_seconds = began.elapsed().as_secs_f64();
-    let hypotheses_cpu = cpu_seconds();
-
-    let levels: Vec<usize> = (0..options.levels).rev().collect();
-    let (descent, trace) = run(
-        &trials[chosen].0.estimate,
-        objective_options,
-        options,
-        &Route {
-            stage: "",
-            placing_steps: 0,
-            levels: &levels,
-        },
-    )?;
+    let chosen = (0..trials.len())
+        .min_by(|&a, &b| trials[a].end.total.total_cmp(&trials[b].end.total))
+        .ok_or(SolveError::NoStart)?;
     let hypotheses = starts
         .iter()
         .zip(&trials)
         .enumerate()
-        .map(|(i, (start, (trial, _)))| HypothesisOutcome {
+        .map(|(i, (start, trial))| HypothesisOutcome {
             azimuth_deg: start.hypothesis.azimuth_deg,
             elevation_deg: start.hypothesis.elevation_deg,
             roll_deg: start.hypothesis.roll_deg,
@@ -121,6 +149,52 @@ pub fn solve(
             chosen: i == chosen,
         })
         .collect();
+    let cpu = trials.iter().map(|trial| trial.cpu_seconds).sum();
+    Ok(ShortSolves {
+        estimate: trials[chosen].estimate.clone(),
+        hypotheses,
+        trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
+        seconds: vec![
+            ("hypotheses".to_owned(), began.elapsed().as_secs_f64()),
+            ("hypotheses_cpu".to_owned(), cpu),
+        ],
+    })
+}
+
+/// Minimises Eq. 9 from one start, through all pyramid levels, on one thread.
+///
+/// # Errors
+/// Options out of range, or a failing objective.
+pub fn refine(
+    sequence: &Sequence,
+    prior: &Arc<dyn ShapePrior>,
+    start: &Estimate,
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+    observer: &Observer,
+) -> Result<Solution, SolveError> {
+    options
+        .check()
+        .map_err(|(name, why)| SolveError::Option(name, why))?;
+    let began = Instant::now();
+    let mut start = start.clone();
+    if options.motion_start == MotionStart::Zero {
+        start.motion.fill(RelativePose::identity());
+    }
+    let mut objective = Objective::new(sequence, prior.clone(), objective_options, options.levels, &start)?;
+    let levels: Vec<usize> = (0..options.levels).rev().collect();
+    let route = Route {
+        stage: "",
+        placing_steps: 0,
+        levels: &levels,
+    };
+    let descent = descend(
+        &mut objective,
+        sequence,
+        options,
+        &route,
+        &mut Progress::new(observer),
+    )?;
     Ok(Solution {
         estimate: descent.estimate,
         objective_start: descent.start,
@@ -128,30 +202,12 @@ pub fn solve(
         evaluations: descent.evaluations,
         iterations: descent.iterations,
         termination: descent.termination,
-        hypotheses,
-        trace: trials
-            .into_iter()
-            .flat_map(|(_, trace)| trace)
-            .chain(trace)
-            .collect(),
+        hypotheses: Vec::new(),
+        steps: descent.steps,
+        trace: descent.trace,
         seconds: vec![
-            ("hypotheses".to_owned(), hypotheses_seconds),
-            (
-                "solve".to_owned(),
-                began.elapsed().as_secs_f64() - hypotheses_seconds,
-            ),
-            ("hypotheses_cpu".to_owned(), hypotheses_cpu - cpu_began),
-            ("solve_cpu".to_owned(), cpu_seconds() - hypotheses_cpu),
+            ("solve".to_owned(), began.elapsed().as_secs_f64()),
+            ("solve_cpu".to_owned(), descent.cpu_seconds),
         ],
     })
-}
-
-/// Processor time of the whole process so far.
-fn cpu_seconds() -> f64 {
-    ProcessTime::now().as_duration().as_secs_f64()
-}
-
-/// The index of the lowest objective.
-fn best_trial(trials: &[(Descent, Vec<TraceRow>)]) -> Option<usize> {
-    (0..trials.len()).min_by(|&a, &b| trials[a].0.end.total.total_cmp(&trials[b].0.end.total))
 }

@@ -39,12 +39,23 @@ pub enum Strategy {
     Joint,
 }
 
+/// Where the Δp_l start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MotionStart {
+    /// Where the off-the-shelf poses (Eq. 13) and the short solve left them.
+    Given,
+    /// At no motion, as Zhu et al. start them.
+    Zero,
+}
+
 /// Minimiser, strategy and when to stop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverOptions {
     pub minimiser: Minimiser,
     pub strategy: Strategy,
+    pub motion_start: MotionStart,
     /// How α is renewed after every step; the paper's Eq. 8 is `regression`.
     pub scale_update: ScaleUpdate,
     /// Steps of Algorithm 1 per pyramid level; visibility is renewed before each.
@@ -66,6 +77,7 @@ impl Default for SolverOptions {
                 initial_trust_region_radius: default_trust_region_radius(),
             },
             strategy: Strategy::Joint,
+            motion_start: MotionStart::Given,
             scale_update: ScaleUpdate::Variable,
             max_steps: 20,
             iterations_per_call: 20,

@@ -14,15 +14,15 @@ pub(super) struct Progress<'a> {
 }
 
 impl<'a> Progress<'a> {
-    pub fn new(observer: &'a Observer<'a>, began: Instant) -> Self {
+    pub fn new(observer: &'a Observer<'a>) -> Self {
         Self {
             observer,
-            began,
+            began: Instant::now(),
             trace: Vec::new(),
         }
     }
 
-    /// Seconds since the solve began.
+    /// Seconds since the descent began.
     pub fn seconds(&self) -> f64 {
         self.began.elapsed().as_secs_f64()
     }
@@ -34,7 +34,7 @@ impl<'a> Progress<'a> {
         go_on
     }
 
-    pub fn into_trace(self) -> Vec<TraceRow> {
-        self.trace
+    pub fn take_trace(&mut self) -> Vec<TraceRow> {
+        std::mem::take(&mut self.trace)
     }
 }

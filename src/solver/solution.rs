@@ -59,7 +59,7 @@ pub struct TraceRow {
     /// Totals since the stage began.
     pub residual_evaluations: usize,
     pub jacobian_evaluations: usize,
-    /// Wall-clock seconds since the solve began; the one column that differs from run to run.
+    /// Wall-clock seconds since the stage began; the one column that differs from run to run.
     pub seconds: f64,
 }
 
@@ -76,6 +76,18 @@ pub struct HypothesisOutcome {
     pub chosen: bool,
 }
 
+/// The state after one step of Algorithm 1.
+#[derive(Clone, Debug)]
+pub struct StepState {
+    /// Pyramid level; 0 is the finest.
+    pub level: usize,
+    pub estimate: Estimate,
+    /// Since the descent began.
+    pub evaluations: Evaluations,
+    /// Processor time since the descent began.
+    pub cpu_seconds: f64,
+}
+
 /// What a solve found.
 #[derive(Clone, Debug)]
 pub struct Solution {
@@ -86,7 +98,9 @@ pub struct Solution {
     pub iterations: usize,
     pub termination: Termination,
     pub hypotheses: Vec<HypothesisOutcome>,
+    /// Of the main solve.
+    pub steps: Vec<StepState>,
     pub trace: Vec<TraceRow>,
-    /// Stage name → seconds: wall clock, or of all cores where the name ends in `_cpu`.
+    /// Stage name → seconds: wall clock, or processor time where the name ends in `_cpu`.
     pub seconds: Vec<(String, f64)>,
 }
