@@ -24,4 +24,5 @@ pub mod prior;
 pub mod report;
 pub mod sequence;
 pub mod solver;
+pub mod study;
 pub mod visibility;

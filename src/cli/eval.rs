@@ -2,9 +2,7 @@
 
 use anyhow::{Context, bail};
 use serde::Serialize;
-use spba_ceres::eval::{
-    Estimated, MeanMax, Platform, TruthErrors, TurnErrors, against_truth, against_turn, align_to_truth,
-};
+use spba_ceres::eval::{Estimated, MeanMax, Platform, TruthErrors, TurnErrors, TurnTable, against_truth};
 use spba_ceres::geometry::Rotation3;
 use spba_ceres::image::read_depth;
 use spba_ceres::report::{RunResult, file_stems, read_shape};
@@ -72,7 +70,8 @@ fn truth_columns(args: &Args, result: Option<&RunResult>, truth: &Path) -> anyho
         reference.clone()
     };
     let names: Option<Vec<_>> = result.map(|result| result.frames.iter().map(|f| f.name.as_str()).collect());
-    match of_input(&own, &reference, names.as_deref()) {
+    let kept = |name: &str| names.as_ref().is_none_or(|names| names.contains(&name));
+    match Estimated::of_input(&own, &reference, kept) {
         Some(input) => columns.push(("input", against_truth(&input, known))),
         None if result.is_none() => bail!(
             "{}: no off-the-shelf poses that could be aligned; frame 0 and one that moves must have one",
@@ -118,37 +117,6 @@ fn of_result(folder: &Path, result: &RunResult, reference: &Sequence) -> anyhow:
     })
 }
 
-/// The input's own poses, aligned with the truth; `names` limits them to the frames that were solved.
-fn of_input(own: &Sequence, reference: &Sequence, names: Option<&[&str]>) -> Option<Estimated> {
-    let chosen: Vec<_> = own
-        .frames
-        .iter()
-        .filter(|frame| names.is_none_or(|names| names.contains(&frame.name.as_str())))
-        .filter_map(|frame| Some((frame, index_of(reference, &frame.name).ok()?)))
-        .collect();
-    let truth = reference.truth.as_ref()?;
-    let true_poses: Vec<_> = chosen
-        .iter()
-        .filter_map(|&(_, index)| truth.camera_from_object.get(index).copied())
-        .collect();
-    let own_poses: Vec<_> = chosen.iter().map(|(frame, _)| frame.camera_from_input).collect();
-    let (aligned, alpha) = align_to_truth(&own_poses, &true_poses)?;
-    let (mut frames, mut depth) = (Vec::new(), Vec::new());
-    for ((frame, index), pose) in chosen.into_iter().zip(aligned) {
-        if let Some(pose) = pose {
-            frames.push((frame.name.clone(), index, pose));
-            depth.push(frame.depth.clone());
-        }
-    }
-    Some(Estimated {
-        frames,
-        depth,
-        depth_scale: alpha,
-        dense: false,
-        shape: None,
-    })
-}
-
 fn index_of(reference: &Sequence, name: &str) -> anyhow::Result<usize> {
     let index = reference.frames.iter().position(|frame| frame.name == name);
     index.with_context(|| format!("frame {name} is not in the truth; give the truth of this input"))
@@ -184,7 +152,7 @@ fn turn_columns(args: &Args, result: Option<&RunResult>, platform: &Platform) ->
         if let Some(rotations) = rotations {
             columns.push((
                 title,
-                turn_table(platform, &rotations).with_context(|| title.to_owned())?,
+                platform.errors(&rotations).with_context(|| title.to_owned())?,
             ));
         }
     }
@@ -193,33 +161,6 @@ fn turn_columns(args: &Args, result: Option<&RunResult>, platform: &Platform) ->
     }
     print_turn(&columns);
     Ok(())
-}
-
-#[derive(Serialize)]
-struct TurnTable {
-    frames: Vec<String>,
-    platform_deg: Vec<f64>,
-    #[serde(flatten)]
-    errors: TurnErrors,
-}
-
-fn turn_table(platform: &Platform, rotations: &[(String, Rotation3<f64>)]) -> anyhow::Result<TurnTable> {
-    let mut seconds = Vec::new();
-    for (name, _) in rotations {
-        let time = platform.time_of(name);
-        seconds.push(time.with_context(|| format!("frame {name} is not in --times; add its line"))?);
-    }
-    let start = seconds.first().copied().context("no frame has a pose")?;
-    let turn = platform.sense * std::f64::consts::TAU / platform.full_turn_s;
-    let angles: Vec<_> = seconds.iter().map(|time| turn * (time - start)).collect();
-    let matrices: Vec<_> = rotations.iter().map(|(_, rotation)| *rotation).collect();
-    let errors = against_turn(&matrices, &angles)
-        .context("the poses do not turn; at least three frames with rotation between them are needed")?;
-    Ok(TurnTable {
-        frames: rotations.iter().map(|(name, _)| name.clone()).collect(),
-        platform_deg: angles.iter().map(|angle| angle.to_degrees()).collect(),
-        errors,
-    })
 }
 
 fn print_json<T: Serialize>(columns: &[(&str, T)]) -> anyhow::Result<()> {

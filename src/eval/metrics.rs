@@ -79,7 +79,7 @@ fn mean_nearest(from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Option<f64> {
 }
 
 /// Mean and maximum over frames.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MeanMax {
     pub mean: f64,
     pub max: f64,

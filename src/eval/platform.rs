@@ -1,5 +1,8 @@
 //! What is known of a turning platform: `turn.txt` (keys and values) and `times.txt` (image, seconds).
 
+use super::{TurnErrors, against_turn};
+use crate::geometry::Rotation3;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// The platform turns at a constant rate; image i was taken `seconds` after the first.
@@ -48,6 +51,47 @@ impl Platform {
         let by_stem = || self.times.iter().find(|(name, _)| stem(name) == stem(image));
         exact.or_else(by_stem).map(|&(_, seconds)| seconds)
     }
+}
+
+impl Platform {
+    /// How far each frame's `camera_from_object` rotation is from the platform's turn since the first of them, which
+    /// the timestamps tell; see [`against_turn`].
+    ///
+    /// # Errors
+    /// A frame without a time, or poses that do not turn.
+    pub fn errors(&self, rotations: &[(String, Rotation3<f64>)]) -> Result<TurnTable, TurnError> {
+        let seconds: Vec<f64> = rotations
+            .iter()
+            .map(|(name, _)| self.time_of(name).ok_or_else(|| TurnError::NoTime(name.clone())))
+            .collect::<Result<_, _>>()?;
+        let start = seconds.first().ok_or(TurnError::Still)?;
+        let turn = self.sense * std::f64::consts::TAU / self.full_turn_s;
+        let angles: Vec<_> = seconds.iter().map(|time| turn * (time - start)).collect();
+        let matrices: Vec<_> = rotations.iter().map(|(_, rotation)| *rotation).collect();
+        Ok(TurnTable {
+            frames: rotations.iter().map(|(name, _)| name.clone()).collect(),
+            platform_deg: angles.iter().map(|angle| angle.to_degrees()).collect(),
+            errors: against_turn(&matrices, &angles).ok_or(TurnError::Still)?,
+        })
+    }
+}
+
+/// [`TurnErrors`] with the frames' names and the platform's angles.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TurnTable {
+    pub frames: Vec<String>,
+    pub platform_deg: Vec<f64>,
+    #[serde(flatten)]
+    pub errors: TurnErrors,
+}
+
+/// Why rotations cannot be compared with the platform's.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum TurnError {
+    #[error("frame {0} is not in the times; add its line")]
+    NoTime(String),
+    #[error("the poses do not turn; at least three frames with rotation between them are needed")]
+    Still,
 }
 
 fn parse_turn(text: &str) -> Result<(f64, f64), String> {

@@ -1,28 +1,14 @@
 //! An estimate against a rendered sequence's truth (Sec. 3.2, Table 1).
 
-use super::{DepthError, MeanMax, chamfer, location_error, orientation_error_deg};
-use crate::geometry::{Pose, Vector3};
+use super::{DepthError, Estimated, MeanMax, chamfer, location_error, orientation_error_deg};
+use crate::geometry::Vector3;
 use crate::image::{DepthMap, Grid, Mask};
 use crate::report::{density, silhouette_iou};
 use crate::sequence::Truth;
-use serde::Serialize;
-
-/// What is to be judged, frame by frame in the truth's order, in the object frame.
-pub struct Estimated {
-    /// The frame's name, its index in the truth, `camera_from_object`.
-    pub frames: Vec<(String, usize, Pose)>,
-    /// One per entry of `frames`.
-    pub depth: Vec<Option<DepthMap>>,
-    /// Brings `depth` into object units.
-    pub depth_scale: f64,
-    /// Whether `depth` covers the whole silhouette, so that its outline means something.
-    pub dense: bool,
-    /// Points of the canonical shape, if there is one.
-    pub shape: Option<Vec<Vector3<f64>>>,
-}
+use serde::{Deserialize, Serialize};
 
 /// One frame's errors. Lengths in object units unless the name says otherwise (diagonal 1).
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameErrors {
     pub name: String,
     pub orientation_error_deg: f64,
@@ -37,7 +23,7 @@ pub struct FrameErrors {
 }
 
 /// [`FrameErrors`] and their summary; means are over frames, the depth error's over pixels.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruthErrors {
     pub orientation_error_deg: Option<MeanMax>,
     pub location_error_percent: Option<MeanMax>,
@@ -108,7 +94,7 @@ fn known(depth: &DepthMap) -> Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Rotation3;
+    use crate::geometry::{Pose, Rotation3};
     use crate::report::Surface;
     use crate::report::fixture::{box_car, solved};
 

@@ -2,9 +2,10 @@
 //! rotation but *not* the global translation.
 
 use nalgebra::{Rotation3, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
 
 /// A rigid transform `b_from_a`: `x_b = rotation x_a + translation`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     pub rotation: Rotation3<f64>,
     pub translation: Vector3<f64>,
@@ -69,7 +70,7 @@ impl Pose {
 
 /// Δp_l = [Δω_l; Δt_l]: a source frame's pose relative to the target's, as Eq. 2–3 define it. It is *not* a
 /// rigid transform between the two cameras, so it has a type of its own.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RelativePose(pub Pose);
 
 impl RelativePose {

@@ -17,9 +17,10 @@ pub use scale::scale_from_inverse_depth;
 pub use templates::TemplateGrid;
 
 use crate::geometry::{Pose, RelativePose};
+use serde::{Deserialize, Serialize};
 
 /// Every variable of the problem: what initialisation hands to the solver, and what the solver refines.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// p0: `camera_from_object` of the target frame (frame 0).
     pub target_from_object: Pose,
@@ -50,10 +51,21 @@ impl Estimate {
     ///
     /// [`Sequence::put_back`]: crate::sequence::Sequence::put_back
     pub fn put_back(&mut self, target: usize) {
+        self.reorder(|poses| poses[..=target].rotate_left(1));
+    }
+
+    /// The same cameras and shape for the frames in the order that [`Sequence::bring_to_front`] makes.
+    ///
+    /// [`Sequence::bring_to_front`]: crate::sequence::Sequence::bring_to_front
+    pub fn bring_to_front(&mut self, target: usize) {
+        self.reorder(|poses| poses[..=target].rotate_right(1));
+    }
+
+    fn reorder(&mut self, order: impl FnOnce(&mut [Pose])) {
         let mut poses: Vec<Pose> = (0..self.frame_count())
             .map(|l| self.camera_from_object(l))
             .collect();
-        poses[..=target].rotate_left(1);
+        order(&mut poses);
         self.target_from_object = poses[0];
         self.motion = poses[1..]
             .iter()
@@ -96,5 +108,7 @@ mod tests {
                 "{frame}"
             );
         }
+        estimate.bring_to_front(2);
+        assert!((estimate.target_from_object.translation - solved[0].translation).norm() < 1e-12);
     }
 }

@@ -60,7 +60,24 @@ pub fn solve(
     options
         .check()
         .map_err(|(name, why)| SolveError::Option(name, why))?;
-    let short = short_solves(sequence, prior, starts, observer)?;
+    let estimates: Vec<Estimate> = starts.iter().map(|start| start.estimate.clone()).collect();
+    let short = short_solves(sequence, prior, &estimates, observer)?;
+    let hypotheses = starts
+        .iter()
+        .zip(&short.objectives)
+        .enumerate()
+        .map(
+            |(i, (start, &(objective_start, objective_end)))| HypothesisOutcome {
+                azimuth_deg: start.hypothesis.azimuth_deg,
+                elevation_deg: start.hypothesis.elevation_deg,
+                roll_deg: start.hypothesis.roll_deg,
+                template_iou: start.hypothesis.iou,
+                objective_start,
+                objective_end,
+                chosen: i == short.chosen,
+            },
+        )
+        .collect();
     let refined = refine(
         sequence,
         prior,
@@ -70,7 +87,7 @@ pub fn solve(
         observer,
     )?;
     Ok(Solution {
-        hypotheses: short.hypotheses,
+        hypotheses,
         trace: short.trace.into_iter().chain(refined.trace).collect(),
         seconds: short.seconds.into_iter().chain(refined.seconds).collect(),
         ..refined
@@ -81,7 +98,10 @@ pub fn solve(
 #[derive(Clone, Debug)]
 pub struct ShortSolves {
     pub estimate: Estimate,
-    pub hypotheses: Vec<HypothesisOutcome>,
+    /// The index of its start.
+    pub chosen: usize,
+    /// Per start: the objective before and after, comparable among them alone.
+    pub objectives: Vec<(f64, f64)>,
     pub trace: Vec<TraceRow>,
     /// As in [`Solution::seconds`].
     pub seconds: Vec<(String, f64)>,
@@ -97,7 +117,7 @@ pub struct ShortSolves {
 pub fn short_solves(
     sequence: &Sequence,
     prior: &Arc<dyn ShapePrior>,
-    starts: &[Initialisation],
+    starts: &[Estimate],
     observer: &Observer,
 ) -> Result<ShortSolves, SolveError> {
     let began = Instant::now();
@@ -111,13 +131,7 @@ pub fn short_solves(
         .par_iter()
         .enumerate()
         .map(|(i, start)| {
-            let mut objective = Objective::new(
-                sequence,
-                prior.clone(),
-                &cautious,
-                options.levels,
-                &start.estimate,
-            )?;
+            let mut objective = Objective::new(sequence, prior.clone(), &cautious, options.levels, start)?;
             let route = Route {
                 stage: &format!("hypothesis-{i}/"),
                 placing_steps: PLACING_STEPS,
@@ -135,24 +149,14 @@ pub fn short_solves(
     let chosen = (0..trials.len())
         .min_by(|&a, &b| trials[a].end.total.total_cmp(&trials[b].end.total))
         .ok_or(SolveError::NoStart)?;
-    let hypotheses = starts
-        .iter()
-        .zip(&trials)
-        .enumerate()
-        .map(|(i, (start, trial))| HypothesisOutcome {
-            azimuth_deg: start.hypothesis.azimuth_deg,
-            elevation_deg: start.hypothesis.elevation_deg,
-            roll_deg: start.hypothesis.roll_deg,
-            template_iou: start.hypothesis.iou,
-            objective_start: trial.start.total,
-            objective_end: trial.end.total,
-            chosen: i == chosen,
-        })
-        .collect();
     let cpu = trials.iter().map(|trial| trial.cpu_seconds).sum();
     Ok(ShortSolves {
         estimate: trials[chosen].estimate.clone(),
-        hypotheses,
+        chosen,
+        objectives: trials
+            .iter()
+            .map(|trial| (trial.start.total, trial.end.total))
+            .collect(),
         trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
         seconds: vec![
             ("hypotheses".to_owned(), began.elapsed().as_secs_f64()),

@@ -1,0 +1,168 @@
+//! Fig. 3: the cost over p0 and Δp around the optimum, and along p0 with and without the correct motion.
+
+use super::plot::{Axis, Chart, Heat, Line};
+use super::table::cell;
+use super::{Effort, Jobs, Method, StudyError, Subject, Table};
+use crate::geometry::{Pose, RelativePose, Rotation3, Vector3};
+use crate::init::{Estimate, motion_from_input};
+use crate::objective::{Objective, ObjectiveError};
+use crate::prior::{self, ShapePrior};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The surface reaches so far on both sides of the optimum.
+const REACH_DEG: f64 = 20.0;
+
+/// Costs around the optimum of one sequence, by angles in degrees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fig3 {
+    /// p0 turned about the object's vertical axis; ascending.
+    pub angles_deg: Vec<f64>,
+    /// `surface[i][j]`: photometric cost (Eq. 4) with p0 turned by `angles_deg[i]`, and every Δp_l's motion turned on by
+    /// `angles_deg[j]` times l over the number of source frames.
+    pub surface: Vec<Vec<f64>>,
+    /// The whole objective along p0 with the motion that Eq. 13 gives for it.
+    pub correct_motion: Vec<f64>,
+    /// The same with no motion at all, as Zhu et al. start.
+    pub no_motion: Vec<f64>,
+}
+
+/// Around the optimum that ours finds; from the cache if it is there.
+pub fn fig3(subject: &Subject, jobs: &Jobs, effort: Effort) -> Result<Fig3, StudyError> {
+    let half = if effort == Effort::Quick { 2 } else { 10 };
+    let method = Method::ours().with(effort);
+    let start = subject.start(jobs, effort)?.short;
+    let optimum = subject.runs(jobs, &[(method.clone(), start)])?.remove(0).estimate;
+    let figures = jobs.run(
+        &[()],
+        |()| format!("{}/surface", subject.name),
+        |()| Ok(json!([subject.digest(), method.config, optimum, half])),
+        |(), _| scan(subject, &method, &optimum, half),
+    )?;
+    figures.into_iter().next().ok_or(StudyError::Interrupted)
+}
+
+fn scan(subject: &Subject, method: &Method, optimum: &Estimate, half: i32) -> Result<Fig3, StudyError> {
+    let failed = |source| StudyError::Objective {
+        name: subject.name.clone(),
+        source,
+    };
+    let target = subject.sequence.frames.len() / 2;
+    let mut sequence = subject.sequence.clone();
+    sequence.bring_to_front(target);
+    let mut optimum = optimum.clone();
+    optimum.bring_to_front(target);
+    let prior: Arc<dyn ShapePrior> = Arc::new(prior::find(&method.config.prior)?);
+    let mut objective =
+        Objective::new(&sequence, prior, &method.config.objective, 1, &optimum).map_err(failed)?;
+    let angles_deg: Vec<f64> = (-half..=half)
+        .map(|i| REACH_DEG * f64::from(i) / f64::from(half))
+        .collect();
+    let turned = |angle_deg: f64| Pose {
+        rotation: optimum.target_from_object.rotation
+            * Rotation3::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians()),
+        translation: optimum.target_from_object.translation,
+    };
+    let mut cost = |estimate: &Estimate| -> Result<(f64, f64), ObjectiveError> {
+        objective.set_estimate(estimate)?;
+        objective.update_visibility()?;
+        let value = objective.evaluate()?;
+        Ok((value.photometric, value.total))
+    };
+    // The optimum's own cameras as if they were an off-the-shelf reconstruction: Eq. 13 then keeps their relative motion.
+    let cameras: Vec<Pose> = (0..optimum.frame_count())
+        .map(|l| optimum.camera_from_object(l))
+        .collect();
+    let sources = optimum.motion.len() as f64;
+    let (mut surface, mut correct_motion, mut no_motion) = (Vec::new(), Vec::new(), Vec::new());
+    for &angle in &angles_deg {
+        let target_from_object = turned(angle);
+        let followed = Estimate {
+            motion: motion_from_input(&target_from_object, &cameras, 1.0),
+            target_from_object,
+            ..optimum.clone()
+        };
+        correct_motion.push(cost(&followed).map_err(failed)?.1);
+        let still = Estimate {
+            motion: vec![RelativePose::identity(); optimum.motion.len()],
+            ..followed.clone()
+        };
+        no_motion.push(cost(&still).map_err(failed)?.1);
+        let row = angles_deg.iter().map(|&more| {
+            let mut moved = followed.clone();
+            for (l, motion) in moved.motion.iter_mut().enumerate() {
+                // About the object's vertical axis as the target camera sees it.
+                let axis = target_from_object.rotation * Vector3::y_axis();
+                let share = (l + 1) as f64 / sources;
+                motion.0.rotation *= Rotation3::from_axis_angle(&axis, (share * more).to_radians());
+            }
+            Ok(cost(&moved)?.0)
+        });
+        surface.push(row.collect::<Result<_, _>>().map_err(failed)?);
+    }
+    Ok(Fig3 {
+        angles_deg,
+        surface,
+        correct_motion,
+        no_motion,
+    })
+}
+
+impl Fig3 {
+    /// One line per point of the surface.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(&[
+            "p0_deg",
+            "motion_deg",
+            "photometric_cost",
+            "objective_correct_motion",
+            "objective_no_motion",
+        ]);
+        for (i, row) in self.surface.iter().enumerate() {
+            for (j, &value) in row.iter().enumerate() {
+                table.rows.push(vec![
+                    format!("{}", self.angles_deg[i]),
+                    format!("{}", self.angles_deg[j]),
+                    cell(Some(value), 3),
+                    cell(self.correct_motion.get(i).copied(), 3),
+                    cell(self.no_motion.get(i).copied(), 3),
+                ]);
+            }
+        }
+        table
+    }
+
+    /// `fig3-surface.svg` and `fig3-slices.svg`.
+    pub fn draw(&self, folder: &Path) -> Result<(), StudyError> {
+        Heat {
+            title: "Photometric cost over p0 and the motion (line: the correct motion)",
+            x: Axis::linear("p0 turned by, degrees"),
+            y: Axis::linear("motion turned on by, degrees"),
+            at: &self.angles_deg,
+            values: &self.surface,
+        }
+        .write(&folder.join("fig3-surface.svg"))?;
+        let line = |label: &str, values: &[f64]| Line {
+            label: label.to_owned(),
+            points: self
+                .angles_deg
+                .iter()
+                .copied()
+                .zip(values.iter().copied())
+                .collect(),
+            joined: true,
+        };
+        Chart {
+            title: "The objective along p0",
+            x: Axis::linear("p0 turned by, degrees"),
+            y: Axis::logarithmic("objective"),
+            lines: vec![
+                line("with the correct motion (Eq. 13)", &self.correct_motion),
+                line("without motion", &self.no_motion),
+            ],
+        }
+        .write(&folder.join("fig3-slices.svg"))
+    }
+}

@@ -1,0 +1,209 @@
+//! Fig. 8: the pose at convergence against the pose at the start.
+
+use super::measures::mean;
+use super::plot::{Axis, Chart, Line};
+use super::subject::short_solves;
+use super::table::cell;
+use super::{Effort, Jobs, Method, StudyError, Subject, Table, perturbed_start};
+use crate::eval::{location_error, orientation_error_deg};
+use crate::init::Estimate;
+use crate::prior::{self, ShapePrior};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Errors of p0, the target frame's pose, at the start.
+const ANGLES_DEG: [f64; 6] = [5.0, 10.0, 15.0, 20.0, 30.0, 40.0];
+/// Of the distance.
+const SHIFT: f64 = 0.05;
+const SEEDS: u64 = 3;
+
+/// One run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Point {
+    pub sequence: String,
+    pub method: String,
+    pub start_deg: f64,
+    pub seed: u64,
+    /// Of p0 at convergence.
+    pub orientation_error_deg: f64,
+    pub location_error_percent: f64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+pub struct Fig8 {
+    pub points: Vec<Point>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Perturbed {
+    estimate: Estimate,
+}
+
+/// Ours from the perturbed pose, with the short solve that every pose hypothesis gets and without it, and Zhu et al.;
+/// runs what is missing. Sequences without truth are left out.
+pub fn fig8(
+    subjects: impl IntoIterator<Item = Result<Subject, StudyError>>,
+    jobs: &Jobs,
+    effort: Effort,
+) -> Result<Fig8, StudyError> {
+    let (angles, seeds) = match effort {
+        Effort::Full => (&ANGLES_DEG[..], SEEDS),
+        Effort::Quick => (&ANGLES_DEG[..1], 1),
+    };
+    let ours = Method::ours().with(effort);
+    let mut zhu = Method::zhu()?.with(effort);
+    // The perturbed frame is the target of all three.
+    zhu.config.input.target = None;
+    let mut points = Vec::new();
+    for subject in subjects {
+        let subject = subject?;
+        let target = subject.sequence.frames.len() / 2;
+        let mut sequence = subject.sequence.clone();
+        sequence.bring_to_front(target);
+        let Some(truth) = sequence.truth.as_ref().map(|truth| truth.camera_from_object[0]) else {
+            continue;
+        };
+        let linear = prior::find(&ours.config.prior)?;
+        let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
+        let mut starts = Vec::new();
+        for &angle_deg in angles {
+            for seed in 0..seeds {
+                if let Some(start) = perturbed_start(&sequence, &linear, angle_deg, SHIFT, seed) {
+                    starts.push((angle_deg, seed, start));
+                }
+            }
+        }
+        let name = |angle_deg: f64, seed: u64| format!("{}/from-{angle_deg}-deg-{seed}", subject.name);
+        let placed: Vec<Perturbed> = jobs.run(
+            &starts,
+            |(angle_deg, seed, _)| name(*angle_deg, *seed) + "-short",
+            |(_, _, start)| Ok(json!([subject.digest(), start])),
+            |(angle_deg, seed, start), observer| {
+                let starts = std::slice::from_ref(start);
+                let short = short_solves(&sequence, &prior, starts, observer, || name(*angle_deg, *seed))?;
+                Ok(Perturbed {
+                    estimate: short.estimate,
+                })
+            },
+        )?;
+        let in_order = |estimate: &Estimate| {
+            let mut estimate = estimate.clone();
+            estimate.put_back(target);
+            estimate
+        };
+        let mut runs = Vec::new();
+        for ((angle_deg, seed, start), placed) in starts.iter().zip(&placed) {
+            let variant = |method: &Method, label: &str, start: &Estimate| {
+                let named = Method {
+                    name: format!("from-{angle_deg}-deg-{seed}-{}", method.name),
+                    label: label.to_owned(),
+                    config: method.config.clone(),
+                };
+                (*angle_deg, *seed, named, in_order(start))
+            };
+            runs.push(variant(&ours, "ours", &placed.estimate));
+            let without = Method {
+                name: "unplaced".to_owned(),
+                ..ours.clone()
+            };
+            runs.push(variant(&without, "ours without the short solve", start));
+            runs.push(variant(&zhu, "Zhu et al.", start));
+        }
+        let methods: Vec<_> = runs
+            .iter()
+            .map(|(_, _, method, start)| (method.clone(), start.clone()))
+            .collect();
+        for ((angle_deg, seed, method, _), run) in runs.iter().zip(subject.runs(jobs, &methods)?) {
+            let found = run.estimate.camera_from_object(target);
+            points.push(Point {
+                sequence: subject.name.clone(),
+                method: method.label.clone(),
+                start_deg: *angle_deg,
+                seed: *seed,
+                orientation_error_deg: orientation_error_deg(&found.rotation, &truth.rotation),
+                location_error_percent: 100.0 * location_error(&found, &truth),
+            });
+        }
+    }
+    Ok(Fig8 { points })
+}
+
+impl Fig8 {
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(&[
+            "method",
+            "sequence",
+            "start_deg",
+            "seed",
+            "orientation_error_deg",
+            "location_error_percent",
+        ]);
+        for point in &self.points {
+            table.rows.push(vec![
+                point.method.clone(),
+                point.sequence.clone(),
+                format!("{}", point.start_deg),
+                point.seed.to_string(),
+                cell(Some(point.orientation_error_deg), 4),
+                cell(Some(point.location_error_percent), 4),
+            ]);
+        }
+        table
+    }
+
+    /// Mean orientation error at convergence over sequences and seeds, by method and start.
+    pub fn summary(&self) -> Table {
+        let mut table = Table::new(&["start, deg"]);
+        let methods = self.methods();
+        table
+            .headings
+            .extend(methods.iter().map(|&method| method.to_owned()));
+        for angle in ANGLES_DEG {
+            let cells: Vec<_> = methods.iter().map(|method| self.mean_of(method, angle)).collect();
+            if cells.iter().any(Option::is_some) {
+                let row = std::iter::once(angle.to_string());
+                table
+                    .rows
+                    .push(row.chain(cells.into_iter().map(|value| cell(value, 3))).collect());
+            }
+        }
+        table
+    }
+
+    fn methods(&self) -> Vec<&str> {
+        let mut methods: Vec<&str> = Vec::new();
+        for point in &self.points {
+            if !methods.contains(&point.method.as_str()) {
+                methods.push(&point.method);
+            }
+        }
+        methods
+    }
+
+    fn mean_of(&self, method: &str, angle_deg: f64) -> Option<f64> {
+        let there = self.points.iter();
+        let there = there.filter(|point| point.method == method && point.start_deg == angle_deg);
+        mean(there.map(|point| point.orientation_error_deg))
+    }
+
+    /// `fig8.svg`: the summary drawn.
+    pub fn draw(&self, folder: &Path) -> Result<(), StudyError> {
+        let lines = self.methods().into_iter().map(|method| Line {
+            label: method.to_owned(),
+            points: ANGLES_DEG
+                .iter()
+                .filter_map(|&angle| Some((angle, self.mean_of(method, angle)?)))
+                .collect(),
+            joined: true,
+        });
+        Chart {
+            title: "p0 at convergence against p0 at the start",
+            x: Axis::linear("orientation error at the start, degrees"),
+            y: Axis::logarithmic("orientation error at convergence, degrees"),
+            lines: lines.collect(),
+        }
+        .write(&folder.join("fig8.svg"))
+    }
+}

@@ -1,0 +1,155 @@
+//! Jobs that run side by side, each with a record that outlives an interruption.
+
+use super::{StudyError, write_text};
+use crate::solver::TraceRow;
+use rayon::prelude::*;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+
+/// Sees what a study does and may stop it.
+pub trait Watch: Sync {
+    /// `jobs` more are to be run, beyond those whose records are kept.
+    fn planned(&self, jobs: usize);
+    /// A solver's iteration within a job; false stops the study.
+    fn iteration(&self, job: &str, row: &TraceRow) -> bool;
+    fn finished(&self, job: &str);
+}
+
+/// Runs jobs and keeps their records in a folder.
+pub struct Jobs<'a> {
+    folder: PathBuf,
+    build: u64,
+    watch: &'a dyn Watch,
+}
+
+/// A kept record, and what it holds for.
+#[derive(Serialize, Deserialize)]
+struct Kept<T> {
+    build: u64,
+    key: serde_json::Value,
+    record: T,
+}
+
+impl<'a> Jobs<'a> {
+    /// Records are kept in `folder`.
+    pub fn new(folder: &Path, watch: &'a dyn Watch) -> Result<Self, StudyError> {
+        std::fs::create_dir_all(folder).map_err(StudyError::io(folder))?;
+        // The program's own bytes: a version number does not tell one build from the next.
+        let program = std::env::current_exe().map_err(StudyError::io(folder))?;
+        let mut hasher = DefaultHasher::new();
+        std::fs::read(&program)
+            .map_err(StudyError::io(&program))?
+            .hash(&mut hasher);
+        Ok(Self {
+            folder: folder.to_owned(),
+            build: hasher.finish(),
+            watch,
+        })
+    }
+
+    /// One record per job, in order. `key` is all that decides a job's record besides the build; `work` gets the job
+    /// and what sees its iterations.
+    ///
+    /// # Errors
+    /// That of the first job that fails. Jobs that are done by then are kept.
+    pub fn run<J: Sync, T: Serialize + DeserializeOwned + Send>(
+        &self,
+        jobs: &[J],
+        name: impl Fn(&J) -> String + Sync,
+        key: impl Fn(&J) -> Result<serde_json::Value, StudyError> + Sync,
+        work: impl Fn(&J, &(dyn Fn(&TraceRow) -> bool + Sync)) -> Result<T, StudyError> + Sync,
+    ) -> Result<Vec<T>, StudyError> {
+        let keys: Vec<_> = jobs.iter().map(&key).collect::<Result<_, _>>()?;
+        let mut records: Vec<Option<T>> = jobs
+            .iter()
+            .zip(&keys)
+            .map(|(job, key)| self.kept(&name(job), key))
+            .collect();
+        self.watch
+            .planned(records.iter().filter(|record| record.is_none()).count());
+        records
+            .par_iter_mut()
+            .zip(jobs)
+            .zip(&keys)
+            .try_for_each(|((record, job), key)| {
+                if record.is_none() {
+                    let name = name(job);
+                    let made = work(job, &|row| self.watch.iteration(&name, row))?;
+                    *record = Some(self.keep(&name, key, made)?);
+                    self.watch.finished(&name);
+                }
+                Ok::<_, StudyError>(())
+            })?;
+        Ok(records.into_iter().flatten().collect())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{}.json", name.replace('/', "--")))
+    }
+
+    fn kept<T: DeserializeOwned>(&self, name: &str, key: &serde_json::Value) -> Option<T> {
+        let text = std::fs::read_to_string(self.path(name)).ok()?;
+        let kept: Kept<serde_json::Value> = serde_json::from_str(&text).ok()?;
+        (kept.build == self.build && kept.key == *key)
+            .then(|| serde_json::from_value(kept.record).ok())
+            .flatten()
+    }
+
+    fn keep<T: Serialize>(&self, name: &str, key: &serde_json::Value, record: T) -> Result<T, StudyError> {
+        let kept = Kept {
+            build: self.build,
+            key: key.clone(),
+            record: &record,
+        };
+        write_text(&self.path(name), &serde_json::to_string(&kept)?)?;
+        Ok(record)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    struct Silent;
+
+    impl Watch for Silent {
+        fn planned(&self, _: usize) {}
+        fn iteration(&self, _: &str, _: &TraceRow) -> bool {
+            true
+        }
+        fn finished(&self, _: &str) {}
+    }
+
+    #[test]
+    fn done_jobs_are_not_done_again_unless_their_key_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let done = AtomicUsize::new(0);
+        let run = |offset: f64, fail: bool| {
+            let jobs = Jobs::new(folder.path(), &Silent).unwrap();
+            jobs.run(
+                &[1usize, 2, 3],
+                |job| format!("a/{job}"),
+                |job| Ok(serde_json::json!([job, offset])),
+                |job, _| {
+                    if fail && *job == 3 {
+                        return Err(StudyError::Interrupted);
+                    }
+                    done.fetch_add(1, Ordering::SeqCst);
+                    Ok(*job as f64 / 3.0 + offset)
+                },
+            )
+        };
+        assert!(matches!(run(0.5, true), Err(StudyError::Interrupted)));
+        let before = done.load(Ordering::SeqCst);
+        let expected = [1.0f64, 2.0, 3.0].map(|job| job / 3.0 + 0.5);
+        assert_eq!(run(0.5, false).unwrap(), expected);
+        assert_eq!(done.load(Ordering::SeqCst), 3, "{before} of them before");
+        assert_eq!(run(0.5, false).unwrap(), expected, "read back to the bit");
+        assert_eq!(done.load(Ordering::SeqCst), 3);
+        run(0.25, false).unwrap();
+        assert_eq!(done.load(Ordering::SeqCst), 6);
+    }
+}

@@ -1,0 +1,92 @@
+//! Studies: many solves whose records make a table or a figure of the paper.
+//!
+//! Every solve is a job. Its record is kept in a cache, so that a study that was interrupted goes on where it stopped,
+//! and studies share what they have in common. A record counts only for the build, the configuration and the input
+//! that made it.
+
+mod ablation;
+mod fig3;
+mod fig6;
+mod fig7;
+mod fig8;
+mod jobs;
+mod measures;
+mod method;
+mod perturbed;
+mod plot;
+mod subject;
+mod table;
+mod table1;
+
+pub use ablation::{Ablation, ablation};
+pub use fig3::{Fig3, fig3};
+pub use fig6::{Fig6, fig6};
+pub use fig7::{Fig7, fig7};
+pub use fig8::{Fig8, fig8};
+pub use jobs::{Jobs, Watch};
+pub use measures::{DepthHistogram, Measures};
+pub use method::{Effort, Method};
+pub use perturbed::perturbed_start;
+pub use subject::{Run, Start, Subject};
+pub use table::Table;
+pub use table1::{Table1, table1};
+
+use std::path::{Path, PathBuf};
+
+/// Why a study has no result.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: cannot draw: {reason}", path.display())]
+    Plot { path: PathBuf, reason: String },
+    #[error("interrupted; the same command goes on from here")]
+    Interrupted,
+    #[error("{name}: {source}")]
+    Sequence {
+        name: String,
+        source: crate::sequence::SequenceError,
+    },
+    #[error("{name}: {source}")]
+    Platform {
+        name: String,
+        source: crate::eval::PlatformError,
+    },
+    #[error("{name}: {source}")]
+    Init {
+        name: String,
+        source: crate::init::InitError,
+    },
+    #[error("{name}: {source}")]
+    Solve {
+        name: String,
+        source: crate::solver::SolveError,
+    },
+    #[error("{name}: {source}")]
+    Objective {
+        name: String,
+        source: crate::objective::ObjectiveError,
+    },
+    #[error(transparent)]
+    Prior(#[from] crate::prior::PriorError),
+    #[error("a configuration that ships: {0}")]
+    Shipped(#[from] toml::de::Error),
+    #[error("{0}")]
+    Record(#[from] serde_json::Error),
+}
+
+impl StudyError {
+    fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
+/// Writes `text` beside `path`, then renames.
+pub fn write_text(path: &Path, text: &str) -> Result<(), StudyError> {
+    let beside = path.with_extension("partial");
+    std::fs::write(&beside, text).map_err(StudyError::io(path))?;
+    std::fs::rename(&beside, path).map_err(StudyError::io(path))
+}

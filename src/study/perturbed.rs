@@ -1,0 +1,64 @@
+//! Starts at a known distance from the truth.
+
+use crate::geometry::{Pose, Rotation3, Vector3};
+use crate::init::{Estimate, motion_from_input, scale_from_inverse_depth};
+use crate::prior::{LinearPrior, ShapePrior};
+use crate::sequence::Sequence;
+use crate::visibility::{Surfels, visible_points};
+use nalgebra::Unit;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// The target frame's true pose turned by `angle_deg` about a random axis through the object and moved by
+/// `share_of_distance` of its distance in a random direction; α and the motion from the off-the-shelf poses and depth by
+/// Eq. 11 and 13; the mean style. Frame 0 of `sequence` is the target.
+///
+/// `None` unless there are a truth, depth of the target that meets the shape, and a pose for every frame.
+pub fn perturbed_start(
+    sequence: &Sequence,
+    prior: &LinearPrior,
+    angle_deg: f64,
+    share_of_distance: f64,
+    seed: u64,
+) -> Option<Estimate> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let truth = sequence.truth.as_ref()?.camera_from_object.first()?;
+    let turn = Rotation3::from_axis_angle(&direction(&mut random), angle_deg.to_radians());
+    let shift = direction(&mut random).into_inner() * share_of_distance * truth.translation.norm();
+    let target_from_object = Pose {
+        rotation: truth.rotation * turn,
+        translation: truth.translation + shift,
+    };
+    let style = vec![0.0; prior.style_len()];
+    let target = sequence.frames.first()?;
+    let points: Vec<f64> = prior.shape(&style).iter().flat_map(|x| [x.x, x.y, x.z]).collect();
+    let visible = visible_points(
+        &points,
+        &target.camera,
+        &target_from_object,
+        target.image.size(),
+        Some(&Surfels::new(&points)),
+    );
+    let alpha = scale_from_inverse_depth(&visible, &target.mask, target.depth.as_ref()?)?;
+    let camera_from_input: Option<Vec<Pose>> = sequence
+        .frames
+        .iter()
+        .map(|frame| frame.camera_from_input)
+        .collect();
+    let motion = motion_from_input(&target_from_object, &camera_from_input?, alpha);
+    Some(Estimate {
+        target_from_object,
+        motion,
+        style,
+        alpha,
+    })
+}
+
+fn direction(random: &mut ChaCha8Rng) -> Unit<Vector3<f64>> {
+    loop {
+        let v = Vector3::from_fn(|_, _| random.random_range(-1.0..1.0f64));
+        if (0.1..1.0).contains(&v.norm()) {
+            return Unit::new_normalize(v);
+        }
+    }
+}

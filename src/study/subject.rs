@@ -1,0 +1,233 @@
+//! A sequence in a study: its common start, and runs of methods from there.
+
+use super::{Effort, Jobs, Measures, Method, StudyError};
+use crate::eval::Platform;
+use crate::init::{Estimate, initialise};
+use crate::prior::{self, LinearPrior, ShapePrior};
+use crate::report::Surface;
+use crate::sequence::{LoadOptions, Sequence, load};
+use crate::solver::{self, Evaluations, ObjectiveValue, Termination};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// One sequence.
+pub struct Subject {
+    pub name: String,
+    pub sequence: Sequence,
+    /// Of a natural sequence.
+    pub platform: Option<Platform>,
+    digest: u64,
+}
+
+/// Where all methods start; the frames in the sequence's order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Start {
+    /// The hypothesis whose template fits the masks best, as the paper starts; the mean style.
+    pub template: Estimate,
+    /// The best of the short solves.
+    pub short: Estimate,
+}
+
+/// What a method found on a subject.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// The frames in the sequence's order.
+    pub estimate: Estimate,
+    pub measures: Measures,
+    pub objective_start: ObjectiveValue,
+    pub objective_end: ObjectiveValue,
+    pub evaluations: Evaluations,
+    pub iterations: usize,
+    pub termination: Termination,
+    pub cpu_seconds: f64,
+}
+
+impl Subject {
+    /// A sequence, or a natural one with `turn.txt` and `times.txt` beside it and perhaps openMVS depth in `openmvs/`.
+    pub fn load(name: &str, folder: &Path, mut options: LoadOptions) -> Result<Self, StudyError> {
+        let openmvs = folder.join("openmvs");
+        if options.depth.is_none() && openmvs.is_dir() {
+            options.depth = Some(openmvs);
+        }
+        let sequence = load(folder, &options).map_err(|source| StudyError::Sequence {
+            name: name.to_owned(),
+            source,
+        })?;
+        let (turn, times) = (folder.join("turn.txt"), folder.join("times.txt"));
+        let platform = turn
+            .exists()
+            .then(|| Platform::load(&turn, &times))
+            .transpose()
+            .map_err(|source| StudyError::Platform {
+                name: name.to_owned(),
+                source,
+            })?;
+        Ok(Self {
+            name: name.to_owned(),
+            digest: digest(&sequence),
+            sequence,
+            platform,
+        })
+    }
+
+    /// Of all that a solve or a measure can depend on.
+    pub(super) fn digest(&self) -> u64 {
+        self.digest
+    }
+
+    /// The start, from the cache or by initialisation and short solves with the defaults.
+    pub fn start(&self, jobs: &Jobs, effort: Effort) -> Result<Start, StudyError> {
+        let mut config = Method::ours().with(effort).config;
+        if effort == Effort::Quick {
+            config.init.hypotheses.count = 2;
+        }
+        let key = json!([self.digest, config]);
+        let starts = jobs.run(
+            &[()],
+            |()| format!("{}/start", self.name),
+            |()| Ok(key.clone()),
+            |(), observer| {
+                let target = self.sequence.frames.len() / 2;
+                let mut sequence = self.sequence.clone();
+                sequence.bring_to_front(target);
+                let prior: Arc<dyn ShapePrior> = Arc::new(prior::find(&config.prior)?);
+                let mean_style = vec![0.0; prior.style_len()];
+                let name = || self.name.clone();
+                let starts = initialise(&sequence, prior.as_ref(), &mean_style, &config.init)
+                    .map_err(|source| StudyError::Init { name: name(), source })?;
+                let estimates: Vec<Estimate> = starts.iter().map(|start| start.estimate.clone()).collect();
+                let short = short_solves(&sequence, &prior, &estimates, observer, name)?;
+                let in_order = |estimate: &Estimate| {
+                    let mut estimate = estimate.clone();
+                    estimate.put_back(target);
+                    estimate
+                };
+                Ok(Start {
+                    template: in_order(&starts[0].estimate),
+                    short: in_order(&short.estimate),
+                })
+            },
+        )?;
+        starts.into_iter().next().ok_or(StudyError::Interrupted)
+    }
+
+    /// Every method from its start, side by side. A start's frames are in the sequence's order.
+    pub fn runs(&self, jobs: &Jobs, methods: &[(Method, Estimate)]) -> Result<Vec<Run>, StudyError> {
+        jobs.run(
+            methods,
+            |(method, _)| format!("{}/{}", self.name, method.name),
+            |(method, start)| Ok(json!([self.digest, method.config, start])),
+            |(method, start), observer| self.run(method, start, observer),
+        )
+    }
+
+    fn run(&self, method: &Method, start: &Estimate, observer: &solver::Observer) -> Result<Run, StudyError> {
+        let config = &method.config;
+        let target = config.input.target.unwrap_or(self.sequence.frames.len() / 2);
+        let mut sequence = self.sequence.clone();
+        sequence.bring_to_front(target);
+        let mut start = start.clone();
+        start.bring_to_front(target);
+        let linear = prior::find(&config.prior)?;
+        let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
+        let solution = solver::refine(
+            &sequence,
+            &prior,
+            &start,
+            &config.objective,
+            &config.solver,
+            observer,
+        )
+        .map_err(|source| StudyError::Solve {
+            name: format!("{}/{}", self.name, method.name),
+            source,
+        })?;
+        if solution.termination == Termination::Interrupted {
+            return Err(StudyError::Interrupted);
+        }
+        let mut estimate = solution.estimate;
+        estimate.put_back(target);
+        Ok(Run {
+            measures: self.measure(&linear, &estimate),
+            estimate,
+            objective_start: solution.objective_start,
+            objective_end: solution.objective_end,
+            evaluations: solution.evaluations,
+            iterations: solution.iterations,
+            termination: solution.termination,
+            cpu_seconds: solution
+                .seconds
+                .iter()
+                .filter(|(stage, _)| stage == "solve_cpu")
+                .map(|(_, seconds)| seconds)
+                .sum(),
+        })
+    }
+
+    /// Measures of an estimate; its frames in the sequence's order.
+    pub fn measure(&self, prior: &LinearPrior, estimate: &Estimate) -> Measures {
+        let surface = Surface::from_points(prior.shape(&estimate.style));
+        Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, estimate)
+    }
+}
+
+/// As [`solver::short_solves`]; an interruption is an error, since half a short solve is no start.
+pub(super) fn short_solves(
+    sequence: &Sequence,
+    prior: &Arc<dyn ShapePrior>,
+    starts: &[Estimate],
+    observer: &solver::Observer,
+    name: impl FnOnce() -> String,
+) -> Result<solver::ShortSolves, StudyError> {
+    let stopped = AtomicBool::new(false);
+    let short = solver::short_solves(sequence, prior, starts, &|row| {
+        let go_on = observer(row);
+        stopped.fetch_or(!go_on, Ordering::SeqCst);
+        go_on
+    })
+    .map_err(|source| StudyError::Solve { name: name(), source })?;
+    match stopped.into_inner() {
+        true => Err(StudyError::Interrupted),
+        false => Ok(short),
+    }
+}
+
+/// Of all that a solve or a measure can depend on.
+fn digest(sequence: &Sequence) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    let mut number = |value: f64| value.to_bits().hash(&mut hasher);
+    for frame in &sequence.frames {
+        let camera = frame.camera;
+        [camera.fx, camera.fy, camera.cx, camera.cy]
+            .into_iter()
+            .for_each(&mut number);
+        for pose in frame.camera_from_input.iter() {
+            pose.to_twist().iter().for_each(|&x| number(x));
+        }
+        for &value in frame.image.data().as_flattened() {
+            number(f64::from(value));
+        }
+        for &inside in frame.mask.data() {
+            number(f64::from(u8::from(inside)));
+        }
+        for &z in frame.depth.iter().flat_map(|depth| depth.data()) {
+            number(f64::from(z));
+        }
+    }
+    if let Some(truth) = &sequence.truth {
+        for pose in &truth.camera_from_object {
+            pose.to_twist().iter().for_each(|&x| number(x));
+        }
+        for &z in truth.depth.iter().flat_map(|depth| depth.data()) {
+            number(f64::from(z));
+        }
+        for &x in truth.shape.as_flattened() {
+            number(f64::from(x));
+        }
+    }
+    hasher.finish()
+}

@@ -1,0 +1,187 @@
+//! Table 1: methods against truth on rendered sequences, and on natural ones.
+
+use super::measures::mean;
+use super::table::cell;
+use super::{Effort, Jobs, Measures, Method, Run, StudyError, Subject, Table};
+use crate::prior;
+use serde::Serialize;
+
+/// One row's records.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    pub label: String,
+    /// What the method is; `None` for what is not a solve.
+    pub config: Option<crate::config::Config>,
+    pub entries: Vec<Entry>,
+}
+
+/// One row on one sequence.
+#[derive(Clone, Debug, Serialize)]
+pub struct Entry {
+    pub sequence: String,
+    pub natural: bool,
+    pub measures: Measures,
+    /// Of a solve.
+    pub run: Option<Run>,
+}
+
+/// All records of the table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table1 {
+    pub rows: Vec<Row>,
+}
+
+/// Runs what is missing, sequence by sequence, and collects the table.
+pub fn table1<'s>(
+    subjects: impl IntoIterator<Item = Result<Subject, StudyError>> + 's,
+    jobs: &Jobs,
+    effort: Effort,
+) -> Result<Table1, StudyError> {
+    let methods = [
+        Method::ours(),
+        Method::ours_alternating_lbfgs(),
+        Method::paper()?,
+        Method::zhu()?,
+    ]
+    .map(|method| method.with(effort));
+    let row = |label: &str, config| Row {
+        label: label.to_owned(),
+        config,
+        entries: Vec::new(),
+    };
+    let mut solved: Vec<Row> = methods
+        .iter()
+        .map(|method| row(&method.label, Some(method.config.clone())))
+        .collect();
+    let mut given = row("off-the-shelf input", None);
+    let mut template = row("initialisation (template)", None);
+    let mut short = row("short solves (all start there)", None);
+    for subject in subjects {
+        let subject = subject?;
+        let natural = subject.sequence.truth.is_none();
+        let start = subject.start(jobs, effort)?;
+        let linear = prior::find(&methods[0].config.prior)?;
+        let note = |row: &mut Row, measures, run| {
+            row.entries.push(Entry {
+                sequence: subject.name.clone(),
+                natural,
+                measures,
+                run,
+            });
+        };
+        note(
+            &mut given,
+            Measures::of_input(&subject.sequence, subject.platform.as_ref()),
+            None,
+        );
+        note(&mut template, subject.measure(&linear, &start.template), None);
+        note(&mut short, subject.measure(&linear, &start.short), None);
+        let runs: Vec<_> = methods
+            .iter()
+            .map(|method| (method.clone(), start.short.clone()))
+            .collect();
+        for (row, run) in solved.iter_mut().zip(subject.runs(jobs, &runs)?) {
+            note(row, run.measures.clone(), Some(run));
+        }
+    }
+    Ok(Table1 {
+        rows: solved.into_iter().chain([given, template, short]).collect(),
+    })
+}
+
+impl Table1 {
+    /// Means over the sequences of each kind, in the paper's units.
+    pub fn summary(&self) -> Table {
+        let mut table = Table::new(&[
+            "",
+            "depth error",
+            "density",
+            "location error",
+            "orientation error, deg",
+            "silhouette IoU",
+            "Chamfer, %",
+            "CPU s",
+            "natural: turn error, deg",
+            "density",
+            "silhouette IoU",
+        ]);
+        for row in &self.rows {
+            let over = |natural: bool, value: &dyn Fn(&Entry) -> Option<f64>| {
+                mean(
+                    row.entries
+                        .iter()
+                        .filter(|entry| entry.natural == natural)
+                        .filter_map(value),
+                )
+            };
+            let measure = |natural, value: fn(&Measures) -> Option<f64>| {
+                over(natural, &|entry: &Entry| value(&entry.measures))
+            };
+            table.rows.push(vec![
+                row.label.clone(),
+                cell(measure(false, |m| m.depth_error), 4),
+                cell(measure(false, |m| m.density), 4),
+                cell(
+                    measure(false, |m| m.location_error_percent.map(|percent| percent / 100.0)),
+                    4,
+                ),
+                cell(measure(false, |m| m.orientation_error_deg), 4),
+                cell(measure(false, |m| m.silhouette_iou), 3),
+                cell(measure(false, |m| m.chamfer_percent), 2),
+                cell(over(false, &|entry| Some(entry.run.as_ref()?.cpu_seconds)), 0),
+                cell(measure(true, |m| m.turn_error_deg), 3),
+                cell(measure(true, |m| m.density), 3),
+                cell(measure(true, |m| m.silhouette_iou), 3),
+            ]);
+        }
+        table
+    }
+
+    /// One line per method and sequence.
+    pub fn details(&self) -> Table {
+        let mut table = Table::new(&[
+            "method",
+            "sequence",
+            "orientation_error_deg",
+            "location_error_percent",
+            "depth_error",
+            "density",
+            "silhouette_iou",
+            "chamfer_percent",
+            "turn_error_deg",
+            "objective_start",
+            "objective_end",
+            "residual_evaluations",
+            "jacobian_evaluations",
+            "cpu_seconds",
+        ]);
+        for row in &self.rows {
+            for Entry {
+                sequence,
+                measures: m,
+                run,
+                ..
+            } in &row.entries
+            {
+                let run = |value: fn(&Run) -> f64| run.as_ref().map(value);
+                table.rows.push(vec![
+                    row.label.clone(),
+                    sequence.clone(),
+                    cell(m.orientation_error_deg, 4),
+                    cell(m.location_error_percent, 4),
+                    cell(m.depth_error, 5),
+                    cell(m.density, 4),
+                    cell(m.silhouette_iou, 4),
+                    cell(m.chamfer_percent, 4),
+                    cell(m.turn_error_deg, 4),
+                    cell(run(|run| run.objective_start.total), 2),
+                    cell(run(|run| run.objective_end.total), 2),
+                    cell(run(|run| run.evaluations.residual as f64), 0),
+                    cell(run(|run| run.evaluations.jacobian as f64), 0),
+                    cell(run(|run| run.cpu_seconds), 1),
+                ]);
+            }
+        }
+        table
+    }
+}
