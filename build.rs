@@ -17,8 +17,8 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         .cargo_metadata(false)
         .probe("eigen3")
         .map_err(|error| format!("Eigen is needed (Debian: libeigen3-dev): {error}"))?;
-    let sources =
-        ["nearest", "state", "objective", "problem", "solve"].map(|name| format!("cpp/src/{name}.cc"));
+    let sources = ["nearest", "state", "objective", "problem", "scaling", "solve"]
+        .map(|name| format!("cpp/src/{name}.cc"));
     compile(
         "src/bridge/ceres.rs",
         &sources,

@@ -3,9 +3,11 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "problem.h"
+#include "scaling.h"
 #include "spba-ceres/src/bridge/ceres.rs.h"
 
 namespace spba {
@@ -162,7 +164,14 @@ Summary Problem::solve(const SolveOptions& options, Observer& observer) {
   std::string error;
   if (!ceres_options.IsValid(&error)) throw std::invalid_argument(error);
 
+  std::optional<Scaling> scaling;
+  if (options.line_search) {
+    if (!state_.Update(true)) throw std::runtime_error(state_.failure());
+    scaling.emplace(&problem);
+  }
   state_.ResetCounts();
+  // The scaling's is one Jacobian evaluation, whatever Ceres counted for its single blocks.
+  if (scaling) state_.PrepareForEvaluation(true, false);
   ceres::Solver::Summary ceres_summary;
   ceres::Solve(ceres_options, &problem, &ceres_summary);
   const State::Counts counts = state_.counts();

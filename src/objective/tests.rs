@@ -3,6 +3,7 @@
 use super::*;
 use crate::geometry::Rotation3;
 use crate::image::Mask;
+use crate::solver::Minimiser;
 
 /// A sphere of points that four modes stretch and bend.
 struct Blob {
@@ -267,6 +268,41 @@ fn small_huber_widths_are_differentiated_too() {
 }
 
 /// Eq. 5 by its definition: brute force over all pixels and points.
+/// L-BFGS moves in scaled coordinates while it runs, and in no others afterwards.
+#[test]
+fn l_bfgs_finds_the_minimum_of_levenberg_marquardt_and_leaves_the_gradient_as_it_was() {
+    let options = ObjectiveOptions::default();
+    let (sequence, at) = (sequence(3), estimate(3));
+    let end = |minimiser: Minimiser| {
+        let mut objective = objective(&sequence, &options, &at);
+        let call = Call {
+            block: Block::Style,
+            free_alpha: true,
+            minimiser,
+            max_iterations: 60,
+            tolerance: 1e-9,
+        };
+        let outcome = objective.minimise(&call, &mut |_| true).unwrap();
+        assert!(outcome.evaluations.jacobian < 300, "{:?}", outcome.evaluations);
+        let (value, found) = (objective.evaluate().unwrap().total, objective.estimate().unwrap());
+        let analytic = objective.gradient().unwrap();
+        let mut fresh = self::objective(&sequence, &options, &at);
+        fresh.set_estimate(&found).unwrap();
+        let largest = analytic.iter().fold(0.0f64, |m, g| m.max(g.abs()));
+        for (a, b) in analytic.iter().zip(fresh.gradient().unwrap()) {
+            assert!((a - b).abs() < 1e-9 * largest, "{a} {b}");
+        }
+        value
+    };
+    let start = objective(&sequence, &options, &at).evaluate().unwrap().total;
+    let lm = end(Minimiser::Lm {
+        initial_trust_region_radius: 1e4,
+    });
+    let lbfgs = end(Minimiser::Lbfgs { rank: 20 });
+    assert!(lm < 0.9 * start, "{start} {lm}");
+    assert!((lbfgs - lm).abs() < 1e-3 * lm, "{lm} {lbfgs}");
+}
+
 #[test]
 fn the_silhouette_term_is_the_chamfer_distance() {
     the_silhouette_term_is_that_of(0.0);

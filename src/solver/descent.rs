@@ -101,6 +101,12 @@ pub(super) fn descend(
                 })?;
                 descent.evaluations = so_far.plus(outcome.evaluations);
                 descent.iterations += outcome.iterations;
+                descent.steps.push(StepState {
+                    level,
+                    estimate: objective.estimate()?,
+                    evaluations: descent.evaluations,
+                    cpu_seconds: began.elapsed().as_secs_f64(),
+                });
                 if outcome.interrupted {
                     descent.termination = Termination::Interrupted;
                     break 'levels;
@@ -116,12 +122,6 @@ pub(super) fn descend(
             {
                 objective.set_alpha(alpha)?;
             }
-            descent.steps.push(StepState {
-                level,
-                estimate: objective.estimate()?,
-                evaluations: descent.evaluations,
-                cpu_seconds: began.elapsed().as_secs_f64(),
-            });
             if after < options.threshold {
                 descent.termination = Termination::BelowThreshold;
                 break;

@@ -76,7 +76,7 @@ pub struct HypothesisOutcome {
     pub chosen: bool,
 }
 
-/// The state after one step of Algorithm 1.
+/// The state after one solver call: a step's, or that of one of its blocks.
 #[derive(Clone, Debug)]
 pub struct StepState {
     /// Pyramid level; 0 is the finest.
@@ -98,7 +98,7 @@ pub struct Solution {
     pub iterations: usize,
     pub termination: Termination,
     pub hypotheses: Vec<HypothesisOutcome>,
-    /// Of the main solve.
+    /// After every call of the main solve.
     pub steps: Vec<StepState>,
     pub trace: Vec<TraceRow>,
     /// Stage name → seconds: wall clock, or processor time where the name ends in `_cpu`.
