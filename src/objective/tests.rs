@@ -271,7 +271,12 @@ fn small_huber_widths_are_differentiated_too() {
 /// L-BFGS moves in scaled coordinates while it runs, and in no others afterwards.
 #[test]
 fn l_bfgs_finds_the_minimum_of_levenberg_marquardt_and_leaves_the_gradient_as_it_was() {
-    let options = ObjectiveOptions::default();
+    // The smooth terms, which have one minimum.
+    let options = only(|o| {
+        o.inverse_depth_weight = 1000.0;
+        o.inverse_depth_huber = 10.0;
+        o.style_weight = 2.0;
+    });
     let (sequence, at) = (sequence(3), estimate(3));
     let end = |minimiser: Minimiser| {
         let mut objective = objective(&sequence, &options, &at);
