@@ -15,8 +15,7 @@ pub enum LightFrame {
 }
 
 /// Lambert: `ambient + diffuse · max(0, normal · direction)`, times the surface's colour.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     pub fixed_to: LightFrame,
     /// Towards the light, in the frame that it is fixed to; any length but 0.

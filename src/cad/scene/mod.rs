@@ -6,16 +6,18 @@
 mod background;
 mod config;
 mod input;
+mod lighting;
 mod outside;
 
 pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput};
+pub use lighting::Lighting;
 pub use outside::outside_points;
 
 use super::random::Random;
-use super::render::{Renderer, Rendering, View};
+use super::render::{Light, Renderer, Rendering, View};
 use super::{CadError, Mesh, load_source, orbit};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
-use crate::image::{Grid, RgbImage};
+use crate::image::{DepthMap, Grid, RgbImage, blur};
 use crate::sequence::{Frame, Sequence, Truth};
 use rayon::prelude::*;
 
@@ -42,44 +44,43 @@ pub fn synthesise(scene: &Scene, name: &str) -> Result<Sequence, CadError> {
             problem: format!("{} models; name one in include", models.len()),
         });
     };
-    Ok(film(scene, &model.mesh, name))
+    film(scene, &model.mesh, name)
 }
 
 /// The sequence of a mesh in the object frame; `scene.model` is not looked at.
-pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Sequence {
-    let views: Vec<View> = (0..scene.arc.frames).map(|index| view(scene, index)).collect();
-    let renderer = Renderer::new(mesh, scene.samples_per_axis, scene.light);
-    let renderings: Vec<Rendering> = views.par_iter().map(|view| renderer.render(view)).collect();
-    let backdrop = background::paint(scene);
-    let frames = renderings
-        .iter()
-        .zip(&views)
+///
+/// # Errors
+/// A background image that cannot be read.
+pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError> {
+    let shots: Vec<Shot> = (0..scene.arc.frames).map(|index| shot(scene, index)).collect();
+    let backdrop = background::paint(scene)?;
+    let renderer = Renderer::new(mesh, scene.samples_per_axis);
+    let (frames, depth) = shots
+        .par_iter()
         .enumerate()
-        .map(|(index, (rendering, view))| {
-            let image = sensor(scene, index, rendering, &backdrop);
-            Frame {
-                name: format!("{index:03}"),
-                depth: Some(input::depth(scene, index, &image, rendering)),
-                image,
-                mask: rendering.mask.clone(),
-                camera: view.camera,
-                timestamp_s: Some(index as f64 / scene.arc.frames_per_second),
-                camera_from_input: Some(input::pose(scene, index, &view.camera_from_object)),
-            }
+        .map(|(index, shot)| {
+            let rendering = renderer.render(&shot.view, &shot.light);
+            expose(scene, index, &shot.view, rendering, &backdrop)
         })
-        .collect();
-    Sequence {
+        .unzip();
+    Ok(Sequence {
         name: name.to_owned(),
         frames,
         truth: Some(Truth {
-            camera_from_object: views.iter().map(|view| view.camera_from_object).collect(),
-            depth: renderings.into_iter().map(|rendering| rendering.depth).collect(),
+            camera_from_object: shots.iter().map(|shot| shot.view.camera_from_object).collect(),
+            depth,
             shape: outside_points(mesh, scene.truth_points),
         }),
-    }
+    })
 }
 
-fn view(scene: &Scene, index: usize) -> View {
+/// What is rendered for one frame.
+struct Shot {
+    view: View,
+    light: Light,
+}
+
+fn shot(scene: &Scene, index: usize) -> Shot {
     let (arc, jitter) = (&scene.arc, &scene.arc.jitter);
     let mut random = Random::new(scene.seed, stream::CAMERA, index as u64);
     let share = index as f64 / (arc.frames.max(2) - 1) as f64;
@@ -96,30 +97,60 @@ fn view(scene: &Scene, index: usize) -> View {
         translation: Vector3::new(random.normal(), random.normal(), 0.0) * jitter.aim,
     };
     let zoom = 1.0 + jitter.zoom * random.normal();
-    View {
-        camera: Pinhole {
-            fx: scene.camera.focal_px * zoom,
-            fy: scene.camera.focal_px * zoom,
-            cx: scene.camera.principal_px[0],
-            cy: scene.camera.principal_px[1],
+    Shot {
+        view: View {
+            camera: Pinhole {
+                fx: scene.camera.focal_px * zoom,
+                fy: scene.camera.focal_px * zoom,
+                cx: scene.camera.principal_px[0],
+                cy: scene.camera.principal_px[1],
+            },
+            camera_from_object: roll.after(&looking_at_centre),
+            width: scene.camera.width_px,
+            height: scene.camera.height_px,
         },
-        camera_from_object: roll.after(&looking_at_centre),
-        width: scene.camera.width_px,
-        height: scene.camera.height_px,
+        light: scene.light.at(share),
     }
 }
 
-/// The rendering over the backdrop, with noise, as whole grey levels.
+/// The frame that a camera and off-the-shelf tools make of a rendering, and its true depth.
+fn expose(
+    scene: &Scene,
+    index: usize,
+    view: &View,
+    rendering: Rendering,
+    backdrop: &RgbImage,
+) -> (Frame, DepthMap) {
+    let image = sensor(scene, index, &rendering, backdrop);
+    let frame = Frame {
+        name: format!("{index:03}"),
+        depth: Some(input::depth(scene, index, &image, &rendering)),
+        image,
+        mask: rendering.mask,
+        camera: view.camera,
+        timestamp_s: Some(index as f64 / scene.arc.frames_per_second),
+        camera_from_input: Some(input::pose(scene, index, &view.camera_from_object)),
+    };
+    (frame, rendering.depth)
+}
+
+/// The rendering over the backdrop, blurred, with noise, as whole grey levels.
 fn sensor(scene: &Scene, index: usize, rendering: &Rendering, backdrop: &RgbImage) -> RgbImage {
     let mut random = Random::new(scene.seed, stream::SENSOR, index as u64);
     let (width, height) = rendering.image.size();
-    Grid::from_fn(width, height, |column, row| {
+    let sharp = Grid::from_fn(width, height, |column, row| {
         let at = (column, row);
         let behind = 1.0 - rendering.coverage[at];
-        std::array::from_fn(|c| {
-            let clean = rendering.image[at][c] + behind * backdrop[at][c];
+        std::array::from_fn(|c| rendering.image[at][c] + behind * backdrop[at][c])
+    });
+    let clean = match scene.blur_px {
+        0.0 => sharp,
+        deviation_px => blur(&sharp, deviation_px),
+    };
+    Grid::from_fn(width, height, |column, row| {
+        clean[(column, row)].map(|value| {
             let noise = scene.image_noise * random.normal();
-            (clean + noise as f32).round().clamp(0.0, 255.0)
+            (value + noise as f32).round().clamp(0.0, 255.0)
         })
     })
 }
