@@ -8,7 +8,10 @@ mod light;
 mod normals;
 mod surface;
 
+pub(super) use fragment::NEAR;
 pub use light::{Light, LightFrame};
+pub(super) use normals::corner_normals;
+pub(super) use surface::{HOLE, UNPAINTED};
 
 use super::Mesh;
 use crate::geometry::{Pinhole, Pose};
@@ -51,7 +54,7 @@ impl<'a> Renderer<'a> {
     pub fn new(mesh: &'a Mesh, samples_per_axis: usize) -> Self {
         Self {
             mesh,
-            normals: normals::corner_normals(mesh),
+            normals: corner_normals(mesh),
             samples_per_axis: samples_per_axis | 1,
         }
     }

@@ -28,6 +28,9 @@ pub struct Scene {
     /// Samples along each side of a pixel, odd.
     #[serde(default = "default_samples_per_axis")]
     pub samples_per_axis: usize,
+    /// What draws the frames, their masks and their true depth.
+    #[serde(default)]
+    pub via: Via,
     /// Points of the true shape, at most.
     #[serde(default = "default_truth_points")]
     pub truth_points: usize,
@@ -35,6 +38,17 @@ pub struct Scene {
     pub input: SimulatedInput,
     #[serde(default)]
     pub depth: SimulatedDepth,
+}
+
+/// A renderer. Both draw the same scene, but for single rays at edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Via {
+    /// Our rasteriser.
+    #[default]
+    Own,
+    /// Blender, which must be installed.
+    Blender,
 }
 
 /// The camera's path: see [`super::super::orbit`] for the angles.

@@ -4,15 +4,18 @@
 //! The same scene gives the same bytes: all chance comes from its seed.
 
 mod background;
+mod benchmark;
 mod config;
 mod input;
 mod lighting;
 mod outside;
 
-pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput};
+pub use benchmark::Benchmark;
+pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput, Via};
 pub use lighting::Lighting;
 pub use outside::outside_points;
 
+use super::blender::Pictures;
 use super::random::Random;
 use super::render::{Light, Renderer, Rendering, View};
 use super::{CadError, Mesh, load_source, orbit};
@@ -50,24 +53,34 @@ pub fn synthesise(scene: &Scene, name: &str) -> Result<Sequence, CadError> {
 /// The sequence of a mesh in the object frame; `scene.model` is not looked at.
 ///
 /// # Errors
-/// A background image that cannot be read.
+/// A background image that cannot be read, or a Blender that is asked for and does not run.
 pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError> {
-    let shots: Vec<Shot> = (0..scene.arc.frames).map(|index| shot(scene, index)).collect();
+    let shots: Vec<(View, Light)> = (0..scene.arc.frames).map(|index| shot(scene, index)).collect();
     let backdrop = background::paint(scene)?;
-    let renderer = Renderer::new(mesh, scene.samples_per_axis);
-    let (frames, depth) = shots
-        .par_iter()
-        .enumerate()
-        .map(|(index, shot)| {
-            let rendering = renderer.render(&shot.view, &shot.light);
-            expose(scene, index, &shot.view, rendering, &backdrop)
-        })
-        .unzip();
+    // A rendering lives no longer than its frame's turn: those of many frames would not fit into memory.
+    let exposed: Vec<(Frame, DepthMap)> = match scene.via {
+        Via::Own => {
+            let renderer = Renderer::new(mesh, scene.samples_per_axis);
+            let frame = |(index, (view, light)): (usize, &(View, Light))| {
+                expose(scene, index, view, renderer.render(view, light), &backdrop)
+            };
+            shots.par_iter().enumerate().map(frame).collect()
+        }
+        Via::Blender => {
+            let pictures = Pictures::of(mesh, &shots, scene.samples_per_axis)?;
+            let frame = |(index, (view, _)): (usize, &(View, Light))| {
+                Ok(expose(scene, index, view, pictures.rendering(index)?, &backdrop))
+            };
+            let frames = shots.par_iter().enumerate().map(frame);
+            frames.collect::<Result<_, CadError>>()?
+        }
+    };
+    let (frames, depth) = exposed.into_iter().unzip();
     Ok(Sequence {
         name: name.to_owned(),
         frames,
         truth: Some(Truth {
-            camera_from_object: shots.iter().map(|shot| shot.view.camera_from_object).collect(),
+            camera_from_object: shots.iter().map(|(view, _)| view.camera_from_object).collect(),
             depth,
             shape: outside_points(mesh, scene.truth_points),
         }),
@@ -75,12 +88,7 @@ pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError
 }
 
 /// What is rendered for one frame.
-struct Shot {
-    view: View,
-    light: Light,
-}
-
-fn shot(scene: &Scene, index: usize) -> Shot {
+fn shot(scene: &Scene, index: usize) -> (View, Light) {
     let (arc, jitter) = (&scene.arc, &scene.arc.jitter);
     let mut random = Random::new(scene.seed, stream::CAMERA, index as u64);
     let share = index as f64 / (arc.frames.max(2) - 1) as f64;
@@ -97,20 +105,18 @@ fn shot(scene: &Scene, index: usize) -> Shot {
         translation: Vector3::new(random.normal(), random.normal(), 0.0) * jitter.aim,
     };
     let zoom = 1.0 + jitter.zoom * random.normal();
-    Shot {
-        view: View {
-            camera: Pinhole {
-                fx: scene.camera.focal_px * zoom,
-                fy: scene.camera.focal_px * zoom,
-                cx: scene.camera.principal_px[0],
-                cy: scene.camera.principal_px[1],
-            },
-            camera_from_object: roll.after(&looking_at_centre),
-            width: scene.camera.width_px,
-            height: scene.camera.height_px,
+    let view = View {
+        camera: Pinhole {
+            fx: scene.camera.focal_px * zoom,
+            fy: scene.camera.focal_px * zoom,
+            cx: scene.camera.principal_px[0],
+            cy: scene.camera.principal_px[1],
         },
-        light: scene.light.at(share),
-    }
+        camera_from_object: roll.after(&looking_at_centre),
+        width: scene.camera.width_px,
+        height: scene.camera.height_px,
+    };
+    (view, scene.light.at(share))
 }
 
 /// The frame that a camera and off-the-shelf tools make of a rendering, and its true depth.
