@@ -23,10 +23,10 @@ pub fn contact_sheet(models: &[NamedModel], columns: usize, size: usize) -> RgbI
 }
 
 fn strip(mesh: &Mesh, size: usize) -> RgbImage {
-    let renderer = Renderer::new(mesh, 3, Light::default());
+    let renderer = Renderer::new(mesh, 3);
     let side = size as f64;
     let pictures = VIEWS.map(|(azimuth_deg, elevation_deg)| {
-        renderer.render(&View {
+        let view = View {
             camera: Pinhole {
                 fx: 2.4 * side,
                 fy: 2.4 * side,
@@ -36,7 +36,8 @@ fn strip(mesh: &Mesh, size: usize) -> RgbImage {
             camera_from_object: orbit(azimuth_deg, elevation_deg, 2.2),
             width: size,
             height: size,
-        })
+        };
+        renderer.render(&view, &Light::default())
     });
     Grid::from_fn(VIEWS.len() * size, size, |x, y| {
         let (picture, at) = (&pictures[x / size], (x % size, y));

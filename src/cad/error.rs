@@ -32,6 +32,8 @@ pub enum CadError {
         field: &'static str,
         problem: String,
     },
+    #[error("blender: {0}")]
+    Blender(String),
 }
 
 impl CadError {

@@ -2,6 +2,7 @@
 
 mod ac3d;
 mod archive;
+mod blender;
 mod bvh;
 mod contact_sheet;
 mod error;

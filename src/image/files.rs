@@ -5,12 +5,18 @@ use std::path::Path;
 
 /// Reads a PNG or JPEG (told by content, not by name) as RGB in \[0, 255\].
 pub fn read_rgb(file: &Path) -> Result<RgbImage, ImageError> {
-    let pixels = decode(file)?.into_rgb8();
-    Ok(Grid::from_fn(
-        pixels.width() as usize,
-        pixels.height() as usize,
-        |column, row| pixels.get_pixel(column as u32, row as u32).0.map(f32::from),
-    ))
+    Ok(rgb(decode(file)?))
+}
+
+/// Likewise, scaled to cover `width` × `height` (both positive) and cropped about its middle to that size.
+pub fn read_rgb_covering(file: &Path, width: usize, height: usize) -> Result<RgbImage, ImageError> {
+    // Triangle: a mean over what a pixel covers, without the overshoot of the sharper filters.
+    let filter = image::imageops::FilterType::Triangle;
+    Ok(rgb(decode(file)?.resize_to_fill(
+        width as u32,
+        height as u32,
+        filter,
+    )))
 }
 
 /// Reads a mask: true where the image's brightness exceeds 127.
@@ -42,6 +48,15 @@ pub fn write_mask(mask: &Mask, file: &Path) -> Result<(), ImageError> {
         .map(|&inside| if inside { 255 } else { 0 })
         .collect();
     write_png(file, mask.size(), bytes, image::ExtendedColorType::L8)
+}
+
+fn rgb(decoded: image::DynamicImage) -> RgbImage {
+    let pixels = decoded.into_rgb8();
+    Grid::from_fn(
+        pixels.width() as usize,
+        pixels.height() as usize,
+        |column, row| pixels.get_pixel(column as u32, row as u32).0.map(f32::from),
+    )
 }
 
 fn decode(file: &Path) -> Result<image::DynamicImage, ImageError> {
@@ -93,6 +108,28 @@ mod tests {
         write_mask(&mask, &folder.path().join("mask.png")).unwrap();
         assert_eq!(read_rgb(&folder.path().join("image.png")).unwrap(), image);
         assert_eq!(read_mask(&folder.path().join("mask.png")).unwrap(), mask);
+    }
+
+    #[test]
+    fn a_covering_image_keeps_its_shape_and_middle() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("wide.png");
+        // Four times as wide as high: covering a square of half its height crops 3/8 of it on either side.
+        let ramp = Grid::from_fn(160, 40, |c, r| [c as f32, 4.0 * r as f32, 7.0]);
+        write_rgb(&ramp, &file).unwrap();
+        let covering = read_rgb_covering(&file, 20, 20).unwrap();
+        assert_eq!(covering.size(), (20, 20));
+        let [left, top, _] = covering[(2, 2)];
+        assert!(
+            (left - 64.5).abs() < 1.0 && (top - 18.0).abs() < 2.0,
+            "{left} {top}"
+        );
+        let [right, bottom, blue] = covering[(17, 17)];
+        assert!(
+            (right - 94.5).abs() < 1.0 && (bottom - 138.0).abs() < 2.0,
+            "{right} {bottom}"
+        );
+        assert_eq!(blue, 7.0);
     }
 
     #[test]

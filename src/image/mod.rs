@@ -1,5 +1,6 @@
 //! Rasters: colour images, masks and depth maps, their files, pyramids and measures.
 
+mod blur;
 mod depth;
 mod distance;
 mod error;
@@ -9,10 +10,11 @@ mod mask;
 mod pyramid;
 mod remap;
 
+pub use blur::blur;
 pub use depth::{read_depth, write_depth};
 pub use distance::NearestPixel;
 pub use error::ImageError;
-pub use files::{read_mask, read_rgb, write_mask, write_rgb};
+pub use files::{read_mask, read_rgb, read_rgb_covering, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
 pub use pyramid::{halve_depth, halve_image, halve_mask, pyramid};
 

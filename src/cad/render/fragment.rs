@@ -6,7 +6,7 @@ use crate::image::Grid;
 use nalgebra::{Vector2, Vector3};
 
 /// Nearer than this, in object diagonals, nothing is drawn.
-const NEAR: f64 = 1e-3;
+pub(in crate::cad) const NEAR: f64 = 1e-3;
 
 /// What a sample sees.
 #[derive(Clone, Copy)]

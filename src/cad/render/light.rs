@@ -15,8 +15,7 @@ pub enum LightFrame {
 }
 
 /// Lambert: `ambient + diffuse · max(0, normal · direction)`, times the surface's colour.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     pub fixed_to: LightFrame,
     /// Towards the light, in the frame that it is fixed to; any length but 0.
@@ -38,14 +37,14 @@ impl Default for Light {
 }
 
 /// The light as one view sees it.
-pub(super) struct ObjectLight {
-    direction: Unit<Vector3<f64>>,
-    ambient: f64,
-    diffuse: f64,
+pub(in crate::cad) struct ObjectLight {
+    pub(in crate::cad) direction: Unit<Vector3<f64>>,
+    pub(in crate::cad) ambient: f64,
+    pub(in crate::cad) diffuse: f64,
 }
 
 impl Light {
-    pub(super) fn in_object(&self, camera_from_object: &Pose) -> ObjectLight {
+    pub(in crate::cad) fn in_object(&self, camera_from_object: &Pose) -> ObjectLight {
         let given = Vector3::from(self.direction);
         let direction = match self.fixed_to {
             LightFrame::Object => given,

@@ -8,7 +8,10 @@ mod light;
 mod normals;
 mod surface;
 
+pub(super) use fragment::NEAR;
 pub use light::{Light, LightFrame};
+pub(super) use normals::corner_normals;
+pub(super) use surface::{HOLE, UNPAINTED};
 
 use super::Mesh;
 use crate::geometry::{Pinhole, Pose};
@@ -44,21 +47,19 @@ pub struct Renderer<'a> {
     /// Unit normal at each corner of each triangle, object frame; the sign is arbitrary but one per triangle.
     normals: Vec<[Vector3<f64>; 3]>,
     samples_per_axis: usize,
-    light: Light,
 }
 
 impl<'a> Renderer<'a> {
     /// `samples_per_axis` is made odd by rounding up, so that one sample is the pixel's centre.
-    pub fn new(mesh: &'a Mesh, samples_per_axis: usize, light: Light) -> Self {
+    pub fn new(mesh: &'a Mesh, samples_per_axis: usize) -> Self {
         Self {
             mesh,
-            normals: normals::corner_normals(mesh),
+            normals: corner_normals(mesh),
             samples_per_axis: samples_per_axis | 1,
-            light,
         }
     }
 
-    pub fn render(&self, view: &View) -> Rendering {
+    pub fn render(&self, view: &View, light: &Light) -> Rendering {
         let samples = self.samples_per_axis;
         let fine = View {
             camera: view.camera.scaled(samples as f64, samples as f64),
@@ -67,7 +68,7 @@ impl<'a> Renderer<'a> {
             ..*view
         };
         let fragments = Fragments::of(self.mesh, &fine);
-        let light = self.light.in_object(&view.camera_from_object);
+        let light = light.in_object(&view.camera_from_object);
         let centre = view.camera_from_object.center();
         let shaded = Grid::from_fn(view.width, view.height, |column, row| {
             let (mut sum, mut hits) = ([0.0f32; 3], 0);

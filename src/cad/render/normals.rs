@@ -9,7 +9,7 @@ const CREASE_COSINE: f64 = 0.766;
 
 /// For each corner of each triangle: the area-weighted mean of the faces around it that lie within the crease
 /// angle, each turned to the triangle's own side. Unit length; zero for triangles without area.
-pub(super) fn corner_normals(mesh: &Mesh) -> Vec<[Vector3<f64>; 3]> {
+pub(in crate::cad) fn corner_normals(mesh: &Mesh) -> Vec<[Vector3<f64>; 3]> {
     // Twice the area times the unit normal.
     let faces: Vec<Vector3<f64>> = mesh
         .triangles

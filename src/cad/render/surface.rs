@@ -7,7 +7,9 @@ use nalgebra::{Vector2, Vector3};
 
 /// Less opaque than this is a hole; the rest is drawn opaque, tinted windows too, so that depth, mask and colour
 /// belong to one surface.
-const HOLE: f32 = 0.1;
+pub(in crate::cad) const HOLE: f32 = 0.1;
+/// Grey level of a triangle without a material.
+pub(in crate::cad) const UNPAINTED: f32 = 204.0;
 
 /// Whether the surface is left out at this point of the triangle.
 pub(super) fn is_hole(mesh: &Mesh, triangle: &Triangle, weights: &Vector3<f64>) -> bool {
@@ -36,7 +38,7 @@ pub(super) fn colour(
 ) -> [f32; 3] {
     let triangle = &mesh.triangles[hit.triangle];
     let base = match mesh.materials.get(triangle.material as usize) {
-        None => [204.0; 3],
+        None => [UNPAINTED; 3],
         Some(material) => {
             let tint = material.diffuse;
             match &material.texture {

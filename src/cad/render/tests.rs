@@ -52,7 +52,7 @@ fn square(half: f64, z: [f64; 4], texture: Option<Texture>) -> Mesh {
 fn edges_fall_where_the_camera_projects_them() {
     // At z = 2 the square covers pixels (u − cx) ∈ [−10, 10]: columns 10..30 of 40, half covered at no edge.
     let mesh = square(0.2, [2.0; 4], None);
-    let rendering = Renderer::new(&mesh, 3, FLAT).render(&view(40, 30));
+    let rendering = Renderer::new(&mesh, 3).render(&view(40, 30), &FLAT);
     for row in 0..30 {
         for column in 0..40 {
             let inside = (10..30).contains(&column) && (5..25).contains(&row);
@@ -69,7 +69,7 @@ fn partly_covered_pixels_are_blended_and_masked_by_their_centre() {
     let mesh = square(0.21, [2.0; 4], None);
     let mut view = view(40, 40);
     view.camera.cx += 0.1;
-    let rendering = Renderer::new(&mesh, 9, FLAT).render(&view);
+    let rendering = Renderer::new(&mesh, 9).render(&view, &FLAT);
     // Left edge at 9.6, right edge at 30.6.
     assert!(!rendering.mask[(9, 20)] && rendering.mask[(30, 20)]);
     assert!((rendering.coverage[(9, 20)] - 0.4).abs() < 0.06);
@@ -82,7 +82,7 @@ fn depth_is_exact_at_pixel_centres_of_a_slanted_plane() {
     // The plane z = 2 + x.
     let mesh = square(0.5, [1.5, 2.5, 2.5, 1.5], None);
     let view = view(40, 30);
-    let rendering = Renderer::new(&mesh, 3, FLAT).render(&view);
+    let rendering = Renderer::new(&mesh, 3).render(&view, &FLAT);
     for column in 0..40 {
         let ray = (column as f64 + 0.5 - view.camera.cx) / view.camera.fx;
         let expected = 2.0 / (1.0 - ray);
@@ -104,7 +104,7 @@ fn textures_are_upright_unmirrored_and_perspective_correct() {
     };
     let mesh = square(0.5, [1.5, 2.5, 2.5, 1.5], Some(texture));
     let view = view(40, 30);
-    let rendering = Renderer::new(&mesh, 1, FLAT).render(&view);
+    let rendering = Renderer::new(&mesh, 1).render(&view, &FLAT);
     for (column, row) in [(10, 8), (20, 15), (30, 20)] {
         let z = f64::from(rendering.depth[(column, row)]);
         let pixel = nalgebra::Vector2::new(column as f64 + 0.5, row as f64 + 0.5);
@@ -171,7 +171,7 @@ fn a_light_fixed_to_the_object_turns_with_it_and_one_fixed_to_the_camera_does_no
             rotation,
             translation: Vector3::new(0.0, 0.0, 2.0),
         };
-        Renderer::new(&mesh, 1, light).render(&view).image[(10, 10)][0]
+        Renderer::new(&mesh, 1).render(&view, &light).image[(10, 10)][0]
     };
     let straight = nalgebra::Rotation3::identity();
     assert!((seen(LightFrame::Object, straight) - 255.0).abs() < 0.1);

@@ -1,11 +1,23 @@
-//! The backdrop: three octaves of blotches in each colour.
+//! The backdrop: a photograph, or three octaves of blotches in each colour.
 
+use super::super::CadError;
 use super::super::random::{blotches, hash};
 use super::{Scene, stream};
-use crate::image::{Grid, RgbImage};
+use crate::image::{Grid, RgbImage, read_rgb_covering};
 
 /// RGB in \[0, 255\], of the camera's size, the same for every frame.
-pub(super) fn paint(scene: &Scene) -> RgbImage {
+pub(super) fn paint(scene: &Scene) -> Result<RgbImage, CadError> {
+    let (width, height) = (scene.camera.width_px, scene.camera.height_px);
+    match &scene.background.image {
+        Some(file) => read_rgb_covering(file, width, height).map_err(|error| CadError::Scene {
+            field: "background.image",
+            problem: error.to_string(),
+        }),
+        None => Ok(blotchy(scene)),
+    }
+}
+
+fn blotchy(scene: &Scene) -> RgbImage {
     let background = &scene.background;
     let key = hash(hash(scene.seed) ^ stream::BACKGROUND);
     Grid::from_fn(scene.camera.width_px, scene.camera.height_px, |column, row| {

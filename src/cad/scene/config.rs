@@ -1,8 +1,9 @@
 //! What a scene file says. Lengths are in object diagonals unless the name says otherwise.
 
-use super::super::render::Light;
 use super::super::{CadError, SourceSpec};
+use super::Lighting;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// A scene file (TOML). Everything but `seed`, `model` and `arc` has a default.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -15,15 +16,21 @@ pub struct Scene {
     #[serde(default)]
     pub camera: Camera,
     #[serde(default)]
-    pub light: Light,
+    pub light: Lighting,
     #[serde(default)]
     pub background: Background,
+    /// Standard deviation of the lens's Gaussian blur, pixels; the sensor's noise comes after it.
+    #[serde(default)]
+    pub blur_px: f64,
     /// Standard deviation of the sensor's noise, grey levels.
     #[serde(default = "default_image_noise")]
     pub image_noise: f64,
     /// Samples along each side of a pixel, odd.
     #[serde(default = "default_samples_per_axis")]
     pub samples_per_axis: usize,
+    /// What draws the frames, their masks and their true depth.
+    #[serde(default)]
+    pub via: Via,
     /// Points of the true shape, at most.
     #[serde(default = "default_truth_points")]
     pub truth_points: usize,
@@ -31,6 +38,17 @@ pub struct Scene {
     pub input: SimulatedInput,
     #[serde(default)]
     pub depth: SimulatedDepth,
+}
+
+/// A renderer. Both draw the same scene, but for single rays at edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Via {
+    /// Our rasteriser.
+    #[default]
+    Own,
+    /// Blender, which must be installed.
+    Blender,
 }
 
 /// The camera's path: see [`super::super::orbit`] for the angles.
@@ -72,10 +90,13 @@ pub struct Camera {
     pub principal_px: [f64; 2],
 }
 
-/// A blotchy picture that stays still before the camera while the object moves.
+/// A picture that stays still before the camera while the object moves: blotches, or a photograph.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Background {
+    /// PNG or JPEG to show instead of blotches, scaled to cover the frame and cropped about its middle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub image: Option<PathBuf>,
     /// Mean colour, RGB in \[0, 255\].
     pub colour: [f64; 3],
     /// Half the range of the blotches, grey levels.
@@ -130,6 +151,7 @@ impl Default for Camera {
 impl Default for Background {
     fn default() -> Self {
         Self {
+            image: None,
             colour: [120.0, 125.0, 115.0],
             contrast: 60.0,
             size_px: 80.0,
@@ -256,11 +278,22 @@ impl Scene {
             "give finite numbers",
         )?;
         require(
+            finite(&light.turn_deg),
+            "light.turn_deg",
+            "give two finite angles",
+        )?;
+        require(
+            finite(&light.brightness) && light.brightness.iter().all(|&factor| factor >= 0.0),
+            "light.brightness",
+            "give two factors of 0 or more",
+        )?;
+        require(
             (1..=15).contains(&self.samples_per_axis) && self.samples_per_axis % 2 == 1,
             "samples_per_axis",
             "give an odd number up to 15",
         )?;
         require(self.truth_points > 0, "truth_points", "give more than 0")?;
+        require((0.0..=20.0).contains(&self.blur_px), "blur_px", "give 0 to 20")?;
         require(
             self.image_noise >= 0.0 && self.image_noise.is_finite(),
             "image_noise",

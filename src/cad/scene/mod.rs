@@ -4,18 +4,23 @@
 //! The same scene gives the same bytes: all chance comes from its seed.
 
 mod background;
+mod benchmark;
 mod config;
 mod input;
+mod lighting;
 mod outside;
 
-pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput};
+pub use benchmark::Benchmark;
+pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput, Via};
+pub use lighting::Lighting;
 pub use outside::outside_points;
 
+use super::blender::Pictures;
 use super::random::Random;
-use super::render::{Renderer, Rendering, View};
+use super::render::{Light, Renderer, Rendering, View};
 use super::{CadError, Mesh, load_source, orbit};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
-use crate::image::{Grid, RgbImage};
+use crate::image::{DepthMap, Grid, RgbImage, blur};
 use crate::sequence::{Frame, Sequence, Truth};
 use rayon::prelude::*;
 
@@ -42,44 +47,48 @@ pub fn synthesise(scene: &Scene, name: &str) -> Result<Sequence, CadError> {
             problem: format!("{} models; name one in include", models.len()),
         });
     };
-    Ok(film(scene, &model.mesh, name))
+    film(scene, &model.mesh, name)
 }
 
 /// The sequence of a mesh in the object frame; `scene.model` is not looked at.
-pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Sequence {
-    let views: Vec<View> = (0..scene.arc.frames).map(|index| view(scene, index)).collect();
-    let renderer = Renderer::new(mesh, scene.samples_per_axis, scene.light);
-    let renderings: Vec<Rendering> = views.par_iter().map(|view| renderer.render(view)).collect();
-    let backdrop = background::paint(scene);
-    let frames = renderings
-        .iter()
-        .zip(&views)
-        .enumerate()
-        .map(|(index, (rendering, view))| {
-            let image = sensor(scene, index, rendering, &backdrop);
-            Frame {
-                name: format!("{index:03}"),
-                depth: Some(input::depth(scene, index, &image, rendering)),
-                image,
-                mask: rendering.mask.clone(),
-                camera: view.camera,
-                timestamp_s: Some(index as f64 / scene.arc.frames_per_second),
-                camera_from_input: Some(input::pose(scene, index, &view.camera_from_object)),
-            }
-        })
-        .collect();
-    Sequence {
+///
+/// # Errors
+/// A background image that cannot be read, or a Blender that is asked for and does not run.
+pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError> {
+    let shots: Vec<(View, Light)> = (0..scene.arc.frames).map(|index| shot(scene, index)).collect();
+    let backdrop = background::paint(scene)?;
+    // A rendering lives no longer than its frame's turn: those of many frames would not fit into memory.
+    let exposed: Vec<(Frame, DepthMap)> = match scene.via {
+        Via::Own => {
+            let renderer = Renderer::new(mesh, scene.samples_per_axis);
+            let frame = |(index, (view, light)): (usize, &(View, Light))| {
+                expose(scene, index, view, renderer.render(view, light), &backdrop)
+            };
+            shots.par_iter().enumerate().map(frame).collect()
+        }
+        Via::Blender => {
+            let pictures = Pictures::of(mesh, &shots, scene.samples_per_axis)?;
+            let frame = |(index, (view, _)): (usize, &(View, Light))| {
+                Ok(expose(scene, index, view, pictures.rendering(index)?, &backdrop))
+            };
+            let frames = shots.par_iter().enumerate().map(frame);
+            frames.collect::<Result<_, CadError>>()?
+        }
+    };
+    let (frames, depth) = exposed.into_iter().unzip();
+    Ok(Sequence {
         name: name.to_owned(),
         frames,
         truth: Some(Truth {
-            camera_from_object: views.iter().map(|view| view.camera_from_object).collect(),
-            depth: renderings.into_iter().map(|rendering| rendering.depth).collect(),
+            camera_from_object: shots.iter().map(|(view, _)| view.camera_from_object).collect(),
+            depth,
             shape: outside_points(mesh, scene.truth_points),
         }),
-    }
+    })
 }
 
-fn view(scene: &Scene, index: usize) -> View {
+/// What is rendered for one frame.
+fn shot(scene: &Scene, index: usize) -> (View, Light) {
     let (arc, jitter) = (&scene.arc, &scene.arc.jitter);
     let mut random = Random::new(scene.seed, stream::CAMERA, index as u64);
     let share = index as f64 / (arc.frames.max(2) - 1) as f64;
@@ -96,7 +105,7 @@ fn view(scene: &Scene, index: usize) -> View {
         translation: Vector3::new(random.normal(), random.normal(), 0.0) * jitter.aim,
     };
     let zoom = 1.0 + jitter.zoom * random.normal();
-    View {
+    let view = View {
         camera: Pinhole {
             fx: scene.camera.focal_px * zoom,
             fy: scene.camera.focal_px * zoom,
@@ -106,20 +115,48 @@ fn view(scene: &Scene, index: usize) -> View {
         camera_from_object: roll.after(&looking_at_centre),
         width: scene.camera.width_px,
         height: scene.camera.height_px,
-    }
+    };
+    (view, scene.light.at(share))
 }
 
-/// The rendering over the backdrop, with noise, as whole grey levels.
+/// The frame that a camera and off-the-shelf tools make of a rendering, and its true depth.
+fn expose(
+    scene: &Scene,
+    index: usize,
+    view: &View,
+    rendering: Rendering,
+    backdrop: &RgbImage,
+) -> (Frame, DepthMap) {
+    let image = sensor(scene, index, &rendering, backdrop);
+    let frame = Frame {
+        name: format!("{index:03}"),
+        depth: Some(input::depth(scene, index, &image, &rendering)),
+        image,
+        mask: rendering.mask,
+        camera: view.camera,
+        timestamp_s: Some(index as f64 / scene.arc.frames_per_second),
+        camera_from_input: Some(input::pose(scene, index, &view.camera_from_object)),
+    };
+    (frame, rendering.depth)
+}
+
+/// The rendering over the backdrop, blurred, with noise, as whole grey levels.
 fn sensor(scene: &Scene, index: usize, rendering: &Rendering, backdrop: &RgbImage) -> RgbImage {
     let mut random = Random::new(scene.seed, stream::SENSOR, index as u64);
     let (width, height) = rendering.image.size();
-    Grid::from_fn(width, height, |column, row| {
+    let sharp = Grid::from_fn(width, height, |column, row| {
         let at = (column, row);
         let behind = 1.0 - rendering.coverage[at];
-        std::array::from_fn(|c| {
-            let clean = rendering.image[at][c] + behind * backdrop[at][c];
+        std::array::from_fn(|c| rendering.image[at][c] + behind * backdrop[at][c])
+    });
+    let clean = match scene.blur_px {
+        0.0 => sharp,
+        deviation_px => blur(&sharp, deviation_px),
+    };
+    Grid::from_fn(width, height, |column, row| {
+        clean[(column, row)].map(|value| {
             let noise = scene.image_noise * random.normal();
-            (clean + noise as f32).round().clamp(0.0, 255.0)
+            (value + noise as f32).round().clamp(0.0, 255.0)
         })
     })
 }

@@ -1,4 +1,5 @@
 use super::super::mesh::body_box;
+use super::super::render::LightFrame;
 use super::super::{Material, Triangle};
 use super::*;
 use crate::geometry::{Similarity, Vector2};
@@ -56,7 +57,7 @@ fn without_noise_the_input_is_the_truth_in_another_frame() {
         outliers: 0.0,
         background: 0.0,
     };
-    let sequence = film(&scene, &cuboid(HALF), "box");
+    let sequence = film(&scene, &cuboid(HALF), "box").unwrap();
     let truth = sequence.truth.as_ref().unwrap();
     let input_from_object = Similarity {
         scale: 2.7,
@@ -83,7 +84,7 @@ fn without_noise_the_input_is_the_truth_in_another_frame() {
 #[test]
 fn true_depth_and_pose_put_every_pixel_on_the_box() {
     let scene = scene("");
-    let sequence = film(&scene, &cuboid(HALF), "box");
+    let sequence = film(&scene, &cuboid(HALF), "box").unwrap();
     let truth = sequence.truth.unwrap();
     for (l, frame) in sequence.frames.iter().enumerate() {
         let (mut seen, map) = (0, &truth.depth[l]);
@@ -107,7 +108,7 @@ fn true_depth_and_pose_put_every_pixel_on_the_box() {
 fn depth_noise_is_as_asked() {
     let mut scene = scene("");
     scene.depth.least_gradient = 0.0;
-    let sequence = film(&scene, &cuboid(HALF), "box");
+    let sequence = film(&scene, &cuboid(HALF), "box").unwrap();
     let truth = sequence.truth.unwrap();
     let (mut object, mut given, mut wrong, mut off, mut squares) = (0, 0, 0, 0, 0.0);
     for (l, frame) in sequence.frames.iter().enumerate() {
@@ -169,11 +170,11 @@ fn outside_points_lie_on_the_outside_only() {
 
 #[test]
 fn same_seed_same_bytes_and_other_seed_other_noise() {
-    let first = film(&scene(""), &cuboid(HALF), "box");
-    let again = film(&scene(""), &cuboid(HALF), "box");
+    let first = film(&scene(""), &cuboid(HALF), "box").unwrap();
+    let again = film(&scene(""), &cuboid(HALF), "box").unwrap();
     let mut reseeded = scene("");
     reseeded.seed = 8;
-    let other = film(&reseeded, &cuboid(HALF), "box");
+    let other = film(&reseeded, &cuboid(HALF), "box").unwrap();
     for l in 0..3 {
         assert_eq!(first.frames[l].image, again.frames[l].image);
         assert_eq!(first.frames[l].depth, again.frames[l].depth);
@@ -186,12 +187,121 @@ fn same_seed_same_bytes_and_other_seed_other_noise() {
     assert_eq!(first.truth.unwrap().shape, again.truth.unwrap().shape);
 }
 
+/// The frames of the box before black, without noise or jitter.
+fn plainly(extra: &str) -> Vec<Frame> {
+    let mut scene = scene(extra);
+    scene.arc.jitter = Jitter::default();
+    scene.image_noise = 0.0;
+    scene.background.contrast = 0.0;
+    scene.background.colour = [0.0; 3];
+    film(&scene, &cuboid(HALF), "box").unwrap().frames
+}
+
+#[test]
+fn the_light_turns_and_dims_from_the_first_frame_to_the_last() {
+    let ahead = "light = { direction = [0, 0, -1], ambient = 0, diffuse = 1, FIELD }";
+    // The red of the middle of the front face.
+    let front = |field: &str| -> Vec<f32> {
+        let frames = plainly(&ahead.replace("FIELD", field));
+        let red = |(l, frame): (usize, &Frame)| {
+            let middle = Vector3::new(0.0, 0.0, -HALF[2]);
+            let in_camera = orbit(20.0 + 15.0 * l as f64, 15.0, 1.7).transform(&middle);
+            let pixel = frame.camera.project(&in_camera).unwrap();
+            frame.image[frame.image.pixel_at(pixel.x, pixel.y).unwrap()][0]
+        };
+        frames.iter().enumerate().map(red).collect()
+    };
+    let steady = front("turn_deg = [0, 0]");
+    assert!(
+        steady[0] > 100.0 && steady[0] == steady[1] && steady[0] == steady[2],
+        "{steady:?}"
+    );
+    let dimming = front("brightness = [1.0, 0.5]");
+    let turning = front("turn_deg = [0, 60]");
+    for (l, share) in [1.0f32, 0.75, 0.5].into_iter().enumerate() {
+        assert!((dimming[l] - share * steady[0]).abs() < 1.0, "{dimming:?}");
+        let cosine = (30.0 * l as f32).to_radians().cos();
+        assert!((turning[l] - cosine * steady[0]).abs() < 1.0, "{turning:?}");
+    }
+}
+
+#[test]
+fn a_turned_light_shines_from_a_greater_azimuth_whatever_it_is_fixed_to() {
+    let ahead = |fixed_to, direction| Lighting {
+        fixed_to,
+        direction,
+        turn_deg: [0.0, 90.0],
+        ..Lighting::default()
+    };
+    // From ahead of the object to its right side; from behind a camera before it to the camera's left: the same place.
+    let camera_from_object = orbit(0.0, 0.0, 2.0).rotation;
+    let of_object = ahead(LightFrame::Object, [0.0, 0.0, -1.0]).at(1.0).direction;
+    let of_camera = ahead(LightFrame::Camera, [0.0, 0.0, -1.0]).at(1.0).direction;
+    assert!((Vector3::from(of_object) - Vector3::x()).norm() < 1e-12);
+    assert!((camera_from_object * Vector3::from(of_object) - Vector3::from(of_camera)).norm() < 1e-12);
+}
+
+#[test]
+fn blur_softens_edges_and_leaves_truth_alone() {
+    let (sharp, soft) = (plainly(""), plainly("blur_px = 2.0"));
+    let steepest = |frame: &Frame| {
+        (1..320)
+            .map(|column| frame.image[(column, 120)][0] - frame.image[(column - 1, 120)][0])
+            .fold(f32::MIN, f32::max)
+    };
+    // An edge blurred with deviation σ rises by at most its height / (σ √(2π)) a pixel.
+    let (before, after) = (steepest(&sharp[0]), steepest(&soft[0]));
+    assert!((after / before - 0.2).abs() < 0.05, "{before} {after}");
+    assert_eq!(sharp[0].mask, soft[0].mask);
+}
+
+#[test]
+fn a_photograph_stands_behind_the_object_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("wall.png");
+    crate::image::write_rgb(&Grid::filled(50, 40, [10.0, 200.0, 30.0]), &file).unwrap();
+    let image = format!("background.image = '{}'", file.display());
+    let (plain, photograph) = (&plainly("")[1], &plainly(&image)[1]);
+    let mut seen = 0;
+    for (i, &colour) in photograph.image.data().iter().enumerate() {
+        if plain.image.data()[i] == [0.0; 3] {
+            assert_eq!(colour, [10.0, 200.0, 30.0]);
+        } else if plain.mask.data()[i] {
+            seen += usize::from(colour == plain.image.data()[i]);
+        }
+    }
+    assert!(seen > 10_000, "{seen}");
+
+    let missing = folder.path().join("none.png");
+    let scene = scene(&format!("background.image = '{}'", missing.display()));
+    let message = film(&scene, &cuboid(HALF), "box").unwrap_err().to_string();
+    let expected = format!("background.image: {}: file is missing", missing.display());
+    assert!(
+        message.starts_with(&expected) && !message.contains('\n'),
+        "{message}"
+    );
+}
+
 #[test]
 fn options_out_of_range_are_named() {
     let mut bad = scene("");
     bad.camera.focal_px = f64::NAN;
     let message = synthesise(&bad, "box").unwrap_err().to_string();
     assert_eq!(message, "camera.focal_px: give more than 0");
+    for (extra, expected) in [
+        ("blur_px = -1.0", "blur_px: give 0 to 20"),
+        (
+            "light.turn_deg = [0.0, inf]",
+            "light.turn_deg: give two finite angles",
+        ),
+        (
+            "light.brightness = [1.0, -0.1]",
+            "light.brightness: give two factors of 0 or more",
+        ),
+    ] {
+        let message = synthesise(&scene(extra), "box").unwrap_err().to_string();
+        assert_eq!(message, expected);
+    }
     let unknown = toml::from_str::<Scene>("seed = 1\nsead = 2\n")
         .unwrap_err()
         .to_string();
