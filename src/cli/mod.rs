@@ -7,6 +7,7 @@ mod inspect;
 mod prior;
 mod progress;
 mod render;
+mod reproduce;
 mod solve;
 
 use clap::{Parser, Subcommand};
@@ -28,6 +29,7 @@ enum Verb {
     Import(import::Args),
     Eval(eval::Args),
     Render(render::Args),
+    Reproduce(reproduce::Args),
     Prior(prior::Args),
 }
 
@@ -46,6 +48,7 @@ pub fn run() -> ExitCode {
         Verb::Import(args) => import::run(&args),
         Verb::Eval(args) => eval::run(&args),
         Verb::Render(args) => render::run(&args),
+        Verb::Reproduce(args) => reproduce::run(&args),
         Verb::Prior(args) => prior::run(&args),
     };
     match outcome {

@@ -2,6 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use spba_ceres::solver::TraceRow;
+use spba_ceres::study::Watch as WatchStudy;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,15 +13,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// The first Ctrl-C stops the solver at its next iteration; the second ends the program.
     pub fn start() -> anyhow::Result<Self> {
-        let interrupted = Arc::new(AtomicBool::new(false));
-        let flag = interrupted.clone();
-        ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        })?;
+        let interrupted = interruption()?;
         let bar = ProgressBar::new_spinner()
             .with_style(ProgressStyle::with_template("{spinner} {elapsed_precise} {msg}")?);
         Ok(Self { bar, interrupted })
@@ -38,5 +32,56 @@ impl Watch {
 
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// The flag that the first Ctrl-C sets, which stops solvers at their next iteration; the second ends the program.
+fn interruption() -> anyhow::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = interrupted.clone();
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(interrupted)
+}
+
+/// A bar on standard error over the solves of a study.
+pub struct StudyWatch {
+    bar: ProgressBar,
+    interrupted: Arc<AtomicBool>,
+}
+
+impl StudyWatch {
+    pub fn start() -> anyhow::Result<Self> {
+        let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed_precise} {msg}")?;
+        Ok(Self {
+            bar: ProgressBar::new(0).with_style(style),
+            interrupted: interruption()?,
+        })
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl WatchStudy for StudyWatch {
+    fn planned(&self, jobs: usize) {
+        self.bar.inc_length(jobs as u64);
+    }
+
+    fn iteration(&self, job: &str, row: &TraceRow) -> bool {
+        self.bar.set_message(format!(
+            "{job}: {} step {} objective {:.1}",
+            row.stage, row.step, row.objective.total
+        ));
+        !self.interrupted.load(Ordering::SeqCst)
+    }
+
+    fn finished(&self, job: &str) {
+        self.bar.set_message(job.to_owned());
+        self.bar.inc(1);
     }
 }

@@ -5,6 +5,7 @@
 //! that made it.
 
 mod ablation;
+mod compare;
 mod fig3;
 mod fig6;
 mod fig7;
@@ -19,6 +20,7 @@ mod table;
 mod table1;
 
 pub use ablation::{Ablation, ablation};
+pub use compare::{Comparison, compare, methods};
 pub use fig3::{Fig3, fig3};
 pub use fig6::{Fig6, fig6};
 pub use fig7::{Fig7, fig7};
@@ -26,7 +28,7 @@ pub use fig8::{Fig8, fig8};
 pub use jobs::{Jobs, Watch};
 pub use measures::{DepthHistogram, Measures};
 pub use method::{Effort, Method};
-pub use perturbed::perturbed_start;
+pub use perturbed::{perturbed_pose, perturbed_start};
 pub use subject::{Run, Start, Subject};
 pub use table::Table;
 pub use table1::{Table1, table1};

@@ -61,9 +61,10 @@ impl<'a> Axis<'a> {
         match value.abs() {
             0.0 => "0".to_owned(),
             size if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
-            size if size >= 100.0 => format!("{value:.0}"),
-            size if size >= 1.0 => format!("{value:.2}"),
-            _ => format!("{value:.3}"),
+            _ => {
+                let digits = format!("{value:.3}");
+                digits.trim_end_matches('0').trim_end_matches('.').to_owned()
+            }
         }
     }
 }
