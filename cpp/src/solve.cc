@@ -73,6 +73,22 @@ class Reporter : public ceres::IterationCallback {
   double best_cost_ = std::numeric_limits<double>::infinity();
 };
 
+ceres::LinearSolverType ToCeres(LinearSolver solver) {
+  switch (solver) {
+    case LinearSolver::DenseSchur:
+      return ceres::DENSE_SCHUR;
+    case LinearSolver::SparseSchur:
+      return ceres::SPARSE_SCHUR;
+    case LinearSolver::IterativeSchur:
+      return ceres::ITERATIVE_SCHUR;
+    case LinearSolver::SparseNormalCholesky:
+      return ceres::SPARSE_NORMAL_CHOLESKY;
+    case LinearSolver::DenseNormalCholesky:
+      return ceres::DENSE_NORMAL_CHOLESKY;
+  }
+  throw std::invalid_argument("no such linear solver");
+}
+
 ceres::Solver::Options ToCeres(const SolveOptions& options, Variables* variables) {
   ceres::Solver::Options ceres_options;
   // One thread: with more, Ceres 2.1 adds costs up in the order in which threads happen to finish.
@@ -94,9 +110,8 @@ ceres::Solver::Options ToCeres(const SolveOptions& options, Variables* variables
   ceres_options.minimizer_type = ceres::TRUST_REGION;
   ceres_options.initial_trust_region_radius = options.initial_trust_region_radius;
   ceres_options.max_num_consecutive_invalid_steps = 20;
-  const bool all_free = options.free_target && options.free_motion && options.free_style;
-  ceres_options.linear_solver_type = all_free ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
-  if (all_free) {
+  ceres_options.linear_solver_type = ToCeres(options.linear_solver);
+  if (ceres::IsSchurType(ceres_options.linear_solver_type)) {
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (Vector6& motion : variables->motion) ordering->AddElementToGroup(motion.data(), 0);
     ordering->AddElementToGroup(variables->target_from_object.data(), 1);

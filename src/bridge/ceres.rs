@@ -84,8 +84,20 @@ pub mod ffi {
         line_search: bool,
         lbfgs_rank: u32,
         initial_trust_region_radius: f64,
+        /// Of Levenberg–Marquardt.
+        linear_solver: LinearSolver,
         max_iterations: u32,
         function_tolerance: f64,
+    }
+
+    /// Ceres's; the Schur solvers eliminate the motion and need all variables free.
+    #[derive(Clone, Copy, Debug)]
+    enum LinearSolver {
+        DenseSchur,
+        SparseSchur,
+        IterativeSchur,
+        SparseNormalCholesky,
+        DenseNormalCholesky,
     }
 
     /// The terms of Eq. 9, weights included.

@@ -1,5 +1,6 @@
 //! Verbs of `spba-ceres`: parse, call the library, print.
 
+mod compare;
 mod eval;
 mod import;
 mod input;
@@ -28,6 +29,7 @@ enum Verb {
     Inspect(inspect::Args),
     Import(import::Args),
     Eval(eval::Args),
+    Compare(compare::Args),
     Render(render::Args),
     Reproduce(reproduce::Args),
     Prior(prior::Args),
@@ -47,6 +49,7 @@ pub fn run() -> ExitCode {
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Import(args) => import::run(&args),
         Verb::Eval(args) => eval::run(&args),
+        Verb::Compare(args) => compare::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),
         Verb::Prior(args) => prior::run(&args),

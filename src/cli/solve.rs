@@ -8,7 +8,7 @@ use spba_ceres::config::Config;
 use spba_ceres::prior::{self, ShapePrior};
 use spba_ceres::report::{self, ReportInput, Surface};
 use spba_ceres::solver::{
-    Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank, default_trust_region_radius,
+    LinearSolver, Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank,
 };
 use spba_ceres::{init, solver};
 use std::path::PathBuf;
@@ -267,9 +267,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     }
     match args.solver {
         Some(Method::Lm) if !matches!(solver.minimiser, Minimiser::Lm { .. }) => {
-            solver.minimiser = Minimiser::Lm {
-                initial_trust_region_radius: default_trust_region_radius(),
-            };
+            solver.minimiser = Minimiser::lm(LinearSolver::Auto);
         }
         Some(Method::Lbfgs) if !matches!(solver.minimiser, Minimiser::Lbfgs { .. }) => {
             solver.minimiser = Minimiser::Lbfgs {
@@ -288,6 +286,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         (
             Minimiser::Lm {
                 initial_trust_region_radius,
+                ..
             },
             Some(radius),
             None,

@@ -1,7 +1,7 @@
 //! One Ceres call: which variables move, how, and until when.
 
 use crate::bridge::ceres::ffi;
-use crate::solver::{Evaluations, Minimiser, ObjectiveValue};
+use crate::solver::{Evaluations, LinearSolver, Minimiser, ObjectiveValue};
 
 /// The variables that a call moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,11 +42,12 @@ pub struct Call {
 impl Call {
     pub(super) fn options(&self) -> ffi::SolveOptions {
         let free = |block| self.block == Block::All || self.block == block;
-        let (line_search, lbfgs_rank, initial_trust_region_radius) = match self.minimiser {
+        let (line_search, lbfgs_rank, initial_trust_region_radius, linear_solver) = match self.minimiser {
             Minimiser::Lm {
                 initial_trust_region_radius,
-            } => (false, 0, initial_trust_region_radius),
-            Minimiser::Lbfgs { rank } => (true, rank, 0.0),
+                linear_solver,
+            } => (false, 0, initial_trust_region_radius, linear_solver),
+            Minimiser::Lbfgs { rank } => (true, rank, 0.0, LinearSolver::Auto),
         };
         ffi::SolveOptions {
             free_target: free(Block::Target),
@@ -56,6 +57,17 @@ impl Call {
             line_search,
             lbfgs_rank,
             initial_trust_region_radius,
+            linear_solver: match (linear_solver, self.block) {
+                (LinearSolver::Auto, Block::All) | (LinearSolver::DenseSchur, _) => {
+                    ffi::LinearSolver::DenseSchur
+                }
+                (LinearSolver::Auto, _) | (LinearSolver::SparseNormalCholesky, _) => {
+                    ffi::LinearSolver::SparseNormalCholesky
+                }
+                (LinearSolver::SparseSchur, _) => ffi::LinearSolver::SparseSchur,
+                (LinearSolver::IterativeSchur, _) => ffi::LinearSolver::IterativeSchur,
+                (LinearSolver::DenseNormalCholesky, _) => ffi::LinearSolver::DenseNormalCholesky,
+            },
             max_iterations: self.max_iterations,
             function_tolerance: self.tolerance,
         }

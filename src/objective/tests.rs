@@ -3,7 +3,7 @@
 use super::*;
 use crate::geometry::Rotation3;
 use crate::image::Mask;
-use crate::solver::Minimiser;
+use crate::solver::{LinearSolver, Minimiser};
 
 /// A sphere of points that four modes stretch and bend.
 struct Blob {
@@ -300,9 +300,7 @@ fn l_bfgs_finds_the_minimum_of_levenberg_marquardt_and_leaves_the_gradient_as_it
         value
     };
     let start = objective(&sequence, &options, &at).evaluate().unwrap().total;
-    let lm = end(Minimiser::Lm {
-        initial_trust_region_radius: 1e4,
-    });
+    let lm = end(Minimiser::lm(LinearSolver::Auto));
     let lbfgs = end(Minimiser::Lbfgs { rank: 20 });
     assert!(lm < 0.9 * start, "{start} {lm}");
     assert!((lbfgs - lm).abs() < 1e-3 * lm, "{lm} {lbfgs}");

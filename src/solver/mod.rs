@@ -7,7 +7,8 @@ mod scale;
 mod solution;
 
 pub use options::{
-    Minimiser, MotionStart, SolverOptions, Strategy, default_lbfgs_rank, default_trust_region_radius,
+    LinearSolver, Minimiser, MotionStart, SolverOptions, Strategy, default_lbfgs_rank,
+    default_trust_region_radius,
 };
 pub use progress::Observer;
 pub use scale::{ScaleUpdate, scale_from_motion};

@@ -3,6 +3,31 @@
 use super::ScaleUpdate;
 use serde::{Deserialize, Serialize};
 
+/// Which of Ceres's linear solvers finds a Levenberg–Marquardt step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LinearSolver {
+    /// `DenseSchur` where all variables move together, `SparseNormalCholesky` otherwise.
+    #[default]
+    Auto,
+    /// Eliminates the Δp_l, as the two below; for the joint strategy only.
+    DenseSchur,
+    SparseSchur,
+    IterativeSchur,
+    SparseNormalCholesky,
+    DenseNormalCholesky,
+}
+
+impl Minimiser {
+    /// Levenberg–Marquardt with Ceres's own radius.
+    pub const fn lm(linear_solver: LinearSolver) -> Self {
+        Self::Lm {
+            initial_trust_region_radius: default_trust_region_radius(),
+            linear_solver,
+        }
+    }
+}
+
 /// Which of Ceres's minimisers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "lowercase", deny_unknown_fields)]
@@ -12,6 +37,8 @@ pub enum Minimiser {
         /// Of the first step; Ceres's default is 1e4.
         #[serde(default = "default_trust_region_radius")]
         initial_trust_region_radius: f64,
+        #[serde(default)]
+        linear_solver: LinearSolver,
     },
     /// Limited-memory BFGS with a Wolfe line search, the paper's choice.
     Lbfgs {
@@ -73,9 +100,7 @@ pub struct SolverOptions {
 impl Default for SolverOptions {
     fn default() -> Self {
         Self {
-            minimiser: Minimiser::Lm {
-                initial_trust_region_radius: default_trust_region_radius(),
-            },
+            minimiser: Minimiser::lm(LinearSolver::Auto),
             strategy: Strategy::Joint,
             motion_start: MotionStart::Given,
             scale_update: ScaleUpdate::Variable,
@@ -94,8 +119,16 @@ impl SolverOptions {
         match self.minimiser {
             Minimiser::Lm {
                 initial_trust_region_radius: radius,
+                ..
             } if !(radius.is_finite() && radius > 0.0) => {
                 return Err(("initial_trust_region_radius", "must be more than 0"));
+            }
+            Minimiser::Lm {
+                linear_solver:
+                    LinearSolver::DenseSchur | LinearSolver::SparseSchur | LinearSolver::IterativeSchur,
+                ..
+            } if self.strategy == Strategy::Alternating => {
+                return Err(("linear_solver", "a Schur solver needs the joint strategy"));
             }
             Minimiser::Lbfgs { rank: 0 } => return Err(("rank", "must be 1 or more")),
             _ => {}

@@ -14,7 +14,7 @@ use crate::init::{Estimate, motion_from_input};
 use crate::objective::Objective;
 use crate::prior::{self, ShapePrior};
 use crate::sequence::Sequence;
-use crate::solver::{self, Termination};
+use crate::solver::{self, LinearSolver, Minimiser, Strategy, Termination};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -55,34 +55,33 @@ pub struct Comparison {
     pub courses: Vec<Course>,
 }
 
-/// What is compared by default: both minimisers with both strategies.
-pub fn methods() -> Vec<Method> {
-    use crate::solver::{Minimiser, Strategy, default_lbfgs_rank, default_trust_region_radius};
-    let lm = Minimiser::Lm {
-        initial_trust_region_radius: default_trust_region_radius(),
-    };
-    let lbfgs = Minimiser::Lbfgs {
-        rank: default_lbfgs_rank(),
-    };
-    let method = |(name, label, minimiser, strategy): (&str, &str, Minimiser, Strategy)| {
+/// Both minimisers with both strategies, L-BFGS with each history of `ranks`; and joint LM with each of
+/// `linear_solvers`.
+pub fn methods(ranks: &[u32], linear_solvers: &[LinearSolver]) -> Vec<Method> {
+    let method = |name: String, label: String, minimiser, strategy| {
         let mut config = Config::default();
         config.solver.minimiser = minimiser;
         config.solver.strategy = strategy;
-        Method::new(name, label, config)
+        Method::new(&name, &label, config)
     };
-    [
-        ("lm-joint", "LM, joint", lm, Strategy::Joint),
-        ("lm-alternating", "LM, alternating", lm, Strategy::Alternating),
-        ("lbfgs-joint", "L-BFGS, joint", lbfgs, Strategy::Joint),
-        (
-            "lbfgs-alternating",
-            "L-BFGS, alternating",
-            lbfgs,
-            Strategy::Alternating,
-        ),
-    ]
-    .map(method)
-    .to_vec()
+    let mut methods = Vec::new();
+    for (strategy, word) in [(Strategy::Joint, "joint"), (Strategy::Alternating, "alternating")] {
+        let lm = Minimiser::lm(LinearSolver::Auto);
+        methods.push(method(format!("lm-{word}"), format!("LM, {word}"), lm, strategy));
+    }
+    for &rank in ranks {
+        for (strategy, word) in [(Strategy::Joint, "joint"), (Strategy::Alternating, "alternating")] {
+            let label = format!("L-BFGS, {word}, history {rank}");
+            let lbfgs = Minimiser::Lbfgs { rank };
+            methods.push(method(format!("lbfgs-{rank}-{word}"), label, lbfgs, strategy));
+        }
+    }
+    for &solver in linear_solvers {
+        let label = format!("LM, joint, {solver:?}");
+        let name = format!("lm-joint-{solver:?}");
+        methods.push(method(name, label, Minimiser::lm(solver), Strategy::Joint));
+    }
+    methods
 }
 
 /// Runs what is missing: every method from the start and from `seeds` − 1 others near it.
