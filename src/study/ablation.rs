@@ -70,8 +70,13 @@ pub fn ablation(
     for subject in subjects {
         let subject = subject?;
         let start = subject.start(jobs, effort)?.short;
+        let wanted = match effort {
+            Effort::Full => usize::MAX,
+            Effort::Quick => 3,
+        };
         let methods: Vec<_> = changes()
             .into_iter()
+            .take(wanted)
             .enumerate()
             .map(|(index, (label, change))| {
                 let mut method = Method::ours().with(effort);

@@ -186,7 +186,11 @@ mod tests {
     fn errors_fall_into_their_bins() {
         let grid = |values: [f32; 4]| Grid::from_vec(2, 2, values.to_vec()).unwrap();
         let mut histogram = DepthHistogram::default();
-        histogram.add(&grid([1.001, 0.0, 3.0, 1.005]), 2.0, &grid([2.0, 1.0, 2.0, 2.0]));
+        histogram.add(
+            &grid([1.0015, 0.0, 3.0, 1.0055]),
+            2.0,
+            &grid([2.0, 1.0, 2.0, 2.0]),
+        );
         assert_eq!(
             (histogram.counts[1], histogram.counts[5], histogram.counts[100]),
             (1, 1, 1)

@@ -1,0 +1,105 @@
+//! `reproduce` and `compare`, quick: every table and figure is made, from records that are kept.
+
+#![allow(clippy::unwrap_used)]
+
+use assert_cmd::Command;
+use std::path::Path;
+
+fn run(arguments: &[&str], home: &Path) -> String {
+    let mut command = Command::cargo_bin("spba-ceres").unwrap();
+    let cache = home.join("cache");
+    let out = home.join("results");
+    let output = command
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(arguments)
+        .args(["--quick", "--cache", cache.to_str().unwrap()])
+        .args(["--out", out.to_str().unwrap()])
+        .assert()
+        .success();
+    String::from_utf8(output.get_output().stdout.clone()).unwrap()
+}
+
+#[test]
+fn every_table_and_figure_is_made_and_records_are_kept() {
+    let home = tempfile::tempdir().unwrap();
+    let results = home.path().join("results");
+    let read = |name: &str| std::fs::read_to_string(results.join(name)).unwrap();
+
+    let printed = run(&["reproduce", "table1"], home.path());
+    for row in [
+        "ours",
+        "as in the paper",
+        "Zhu et al.",
+        "off-the-shelf input",
+        "initialisation (template)",
+    ] {
+        assert!(printed.contains(row), "{row}:\n{printed}");
+    }
+    let details = read("table1.csv");
+    assert_eq!(details.lines().count(), 1 + 7, "seven rows, one sequence");
+    let again = run(&["reproduce", "table1"], home.path());
+    // Processor seconds among them: nothing was solved again.
+    assert_eq!((printed, details), (again, read("table1.csv")));
+
+    let records = || {
+        std::fs::read_dir(home.path().join("cache/records"))
+            .unwrap()
+            .count()
+    };
+    let before = records();
+    run(&["reproduce", "fig6"], home.path());
+    assert_eq!(records(), before, "Fig. 6 takes the records of Table 1");
+    for what in ["fig3", "fig7", "fig8", "ablation"] {
+        run(&["reproduce", what], home.path());
+        let data: serde_json::Value = serde_json::from_str(&read(&format!("{what}.json"))).unwrap();
+        assert_eq!(
+            (&data["what"], &data["meaningful"]),
+            (&what.into(), &false.into())
+        );
+        assert!(read(&format!("{what}.csv")).lines().count() > 1, "{what}");
+    }
+    run(
+        &[
+            "compare",
+            "data/sequences/car",
+            "--frames",
+            "0..4",
+            "--seeds",
+            "1",
+        ],
+        home.path(),
+    );
+    for chart in [
+        "fig3-surface",
+        "fig3-slices",
+        "fig6-histogram",
+        "fig6-cumulative",
+        "fig7",
+        "fig8",
+        "compare-objective-seconds",
+        "compare-objective-evaluations",
+        "compare-location-seconds",
+    ] {
+        let svg = read(&format!("{chart}.svg"));
+        assert!(svg.contains("</svg>") && !svg.contains("NaN"), "{chart}");
+    }
+}
+
+#[test]
+fn an_unreadable_benchmark_is_one_clear_error() {
+    let home = tempfile::tempdir().unwrap();
+    let list = home.path().join("list.toml");
+    std::fs::write(&list, "frames = []\n").unwrap();
+    let assert = Command::cargo_bin("spba-ceres")
+        .unwrap()
+        .args(["reproduce", "fig7", "--benchmark", list.to_str().unwrap()])
+        .args(["--cache", home.path().join("cache").to_str().unwrap()])
+        .args(["--out", home.path().join("results").to_str().unwrap()])
+        .assert()
+        .failure()
+        .code(1);
+    let message = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert_eq!(message.lines().count(), 1, "{message}");
+    assert!(message.contains("list.toml"), "{message}");
+    assert!(!home.path().join("results").exists(), "nothing half-written");
+}
