@@ -1,8 +1,9 @@
 //! What Blender is told: `scene.json` and one PNG a texture. Object frame; lengths in object diagonals.
 
-use super::super::render::{HOLE, Light, NEAR, UNPAINTED, View, corner_normals};
+use super::super::render::{HOLE, Light, NEAR, UNPAINTED, View, corner_normals, is_hole};
 use super::super::{CadError, Material, Mesh, Texture};
 use super::failed;
+use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -124,13 +125,7 @@ fn shot((view, light): &(View, Light)) -> Shot {
 /// The triangles but for those with the very corners of an earlier one that hides them, such as the lining of a roof
 /// without thickness: of two surfaces in one place ours shows the first, a ray tracer any.
 fn without_copies(mesh: &Mesh) -> Vec<usize> {
-    let opaque = |material: &Material| {
-        let alpha = material
-            .texture
-            .as_ref()
-            .and_then(|texture| texture.alpha.as_ref());
-        material.opacity >= HOLE && alpha.is_none()
-    };
+    let middle = Vector3::repeat(1.0 / 3.0);
     let mut hiding = BTreeSet::new();
     let kept = |&i: &usize| {
         let triangle = &mesh.triangles[i];
@@ -140,7 +135,7 @@ fn without_copies(mesh: &Mesh) -> Vec<usize> {
         let mut corners = triangle.vertices.map(place);
         corners.sort_unstable();
         let hidden = hiding.contains(&corners);
-        if mesh.materials.get(triangle.material as usize).is_none_or(opaque) {
+        if !is_hole(mesh, triangle, &middle) {
             hiding.insert(corners);
         }
         !hidden

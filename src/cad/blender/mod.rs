@@ -141,10 +141,10 @@ fn run(program: &str, folder: &Path) -> Result<(), CadError> {
     // It tells of its script's faults on standard output, at the end but for one line.
     let told = [output.stdout, output.stderr].concat();
     let told = String::from_utf8_lossy(&told);
-    let reasons = told
+    let mut reasons = told
         .lines()
         .filter(|line| line.contains("Error") && !line.contains("script failed"));
-    let reason = reasons.last().unwrap_or("without a reason");
+    let reason = reasons.next_back().unwrap_or("without a reason");
     Err(failed(format!("{}: {}", output.status, one_line(reason))))
 }
 

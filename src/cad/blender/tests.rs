@@ -14,8 +14,8 @@ struct Difference {
     mask_iou: f64,
     /// |z' − z| / z where both masks are, over all frames: median and 99 % quantile.
     depth: [f64; 2],
-    /// Mean difference of the pictures, grey levels, most of the frames.
-    colour: f64,
+    /// Difference of the pictures likewise, grey levels: median and 90 % quantile.
+    colour: [f64; 2],
 }
 
 fn installed() -> bool {
@@ -46,7 +46,7 @@ fn compare(mut scene: Scene, mesh: &Mesh) -> Difference {
     scene.via = Via::Blender;
     let theirs = film(&scene, mesh, "theirs").unwrap();
     let depth = |sequence: &Sequence| sequence.truth.as_ref().unwrap().depth.clone();
-    let (mut mask_iou, mut colour, mut errors) = (1.0f64, 0.0f64, Vec::new());
+    let (mut mask_iou, mut errors, mut greys) = (1.0f64, Vec::new(), Vec::new());
     for (l, (our, their)) in ours.frames.iter().zip(&theirs.frames).enumerate() {
         let (our_z, their_z) = (&depth(&ours)[l], &depth(&theirs)[l]);
         let (mut both, mut either) = (0, 0);
@@ -56,22 +56,22 @@ fn compare(mut scene: Scene, mesh: &Mesh) -> Difference {
             if a && b {
                 let (a, b) = (f64::from(our_z.data()[i]), f64::from(their_z.data()[i]));
                 errors.push((b - a).abs() / a);
+                let (a, b) = (our.image.data()[i], their.image.data()[i]);
+                greys.extend((0..3).map(|c| f64::from((a[c] - b[c]).abs())));
             }
         }
         mask_iou = mask_iou.min(both as f64 / either as f64);
-        let pixels = our.image.data().iter().zip(their.image.data());
-        let sum: f64 = pixels
-            .flat_map(|(a, b)| (0..3).map(|c| f64::from((a[c] - b[c]).abs())))
-            .sum();
-        colour = colour.max(sum / (3.0 * both as f64));
     }
-    errors.sort_by(f64::total_cmp);
-    let quantile = |share: f64| errors[(share * (errors.len() - 1) as f64) as usize];
     Difference {
         mask_iou,
-        depth: [quantile(0.5), quantile(0.99)],
-        colour,
+        depth: [quantile(&mut errors, 0.5), quantile(&mut errors, 0.99)],
+        colour: [quantile(&mut greys, 0.5), quantile(&mut greys, 0.9)],
     }
+}
+
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[(share * (values.len() - 1) as f64) as usize]
 }
 
 /// A body with one texture, and above it a board whose texture has a hole; a part without a material.
@@ -128,7 +128,10 @@ fn blender_and_our_rasteriser_agree() {
         difference.depth[0] < 1e-5 && difference.depth[1] < 1e-4,
         "{difference:?}"
     );
-    assert!(difference.colour < 1.0, "{difference:?}");
+    assert!(
+        difference.colour[0] <= 1.0 && difference.colour[1] <= 2.0,
+        "{difference:?}"
+    );
 }
 
 #[test]
@@ -144,13 +147,17 @@ fn blender_and_our_rasteriser_agree_on_a_car() {
     }
     let car = &load_source(&model).unwrap()[0].mesh;
     let difference = compare(scene(512, 512), car);
-    println!("{difference:?}");
     assert!(difference.mask_iou >= 0.99, "{difference:?}");
     assert!(
         difference.depth[0] < 1e-4 && difference.depth[1] < 1e-3,
         "{difference:?}"
     );
-    assert!(difference.colour < 3.0, "{difference:?}");
+    // Its roof's lining lies in the roof itself, where ours shows now one, now the other.
+    assert!(
+        difference.colour[0] <= 1.0 && difference.colour[1] <= 10.0,
+        "{difference:?}"
+    );
+    println!("{difference:?}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ mod surface;
 pub(super) use fragment::NEAR;
 pub use light::{Light, LightFrame};
 pub(super) use normals::corner_normals;
-pub(super) use surface::{HOLE, UNPAINTED};
+pub(super) use surface::{HOLE, UNPAINTED, is_hole};
 
 use super::Mesh;
 use crate::geometry::{Pinhole, Pose};

@@ -12,7 +12,7 @@ pub(in crate::cad) const HOLE: f32 = 0.1;
 pub(in crate::cad) const UNPAINTED: f32 = 204.0;
 
 /// Whether the surface is left out at this point of the triangle.
-pub(super) fn is_hole(mesh: &Mesh, triangle: &Triangle, weights: &Vector3<f64>) -> bool {
+pub(in crate::cad) fn is_hole(mesh: &Mesh, triangle: &Triangle, weights: &Vector3<f64>) -> bool {
     let Some(material) = mesh.materials.get(triangle.material as usize) else {
         return false;
     };
