@@ -157,6 +157,95 @@ fn a_result_and_its_input_against_truth() {
     );
 }
 
+/// Every camera somewhere else: a solve with known errors.
+fn shifted(mut estimate: Estimate) -> Estimate {
+    for (l, motion) in estimate.motion.iter_mut().enumerate() {
+        motion.0.translation += Vector3::new(0.01, -0.02, 0.03) * (l + 1) as f64;
+    }
+    estimate
+}
+
+#[test]
+fn a_colmap_model_is_judged_like_a_result() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (surface, sequence, estimate) = rendered();
+    spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
+    write_result(&surface, &sequence, shifted(estimate), &path("result"));
+    // A workspace around the model that `solve` wrote, its images under the same names.
+    std::fs::create_dir_all(path("workspace/masks")).unwrap();
+    std::fs::rename(path("result/colmap"), path("workspace/sparse")).unwrap();
+    std::fs::create_dir_all(path("workspace/images")).unwrap();
+    let files = |folder: &str| {
+        let entries = std::fs::read_dir(path("truth").join(folder)).unwrap();
+        let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        files
+    };
+    for (frame, (image, mask)) in sequence
+        .frames
+        .iter()
+        .zip(files("images").into_iter().zip(files("masks")))
+    {
+        std::fs::copy(image, path("workspace/images").join(&frame.name)).unwrap();
+        let mask_name = format!("{}.png", frame.name);
+        std::fs::copy(mask, path("workspace/masks").join(mask_name)).unwrap();
+    }
+    let workspace = json(&mut eval(&[
+        &path("workspace"),
+        Path::new("--truth"),
+        &path("truth"),
+    ]));
+    let result = json(&mut eval(&[
+        &path("result"),
+        Path::new("--truth"),
+        &path("truth"),
+    ]));
+    assert_eq!(workspace["input"]["frames"].as_array().unwrap().len(), 4);
+    let location =
+        |errors: &Value, column: &str| errors[column]["location_error_percent"]["mean"].as_f64().unwrap();
+    // Frame 0 is right and aligned exactly; the scale is fitted, so the rest can only come closer.
+    assert!(location(&workspace, "input") <= location(&result, "result"));
+    assert!(location(&workspace, "input") > 0.5 * location(&result, "result"));
+}
+
+#[test]
+fn location_errors_are_those_of_evo() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (surface, sequence, estimate) = rendered();
+    spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
+    write_result(&surface, &sequence, estimate.clone(), &path("perfect"));
+    write_result(&surface, &sequence, shifted(estimate), &path("result"));
+    let mut evo = std::process::Command::new("evo_ape");
+    evo.arg("tum")
+        .arg(path("perfect/cameras.txt"))
+        .arg(path("result/cameras.txt"));
+    let Ok(output) = evo.output() else {
+        println!("skipped: evo_ape is not installed (pip install evo)");
+        return;
+    };
+    let text = String::from_utf8(output.stdout).unwrap();
+    let mean = text
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("mean"))
+        .unwrap();
+    let mean: f64 = mean.trim().parse().unwrap();
+    let errors = json(&mut eval(&[
+        &path("result"),
+        Path::new("--truth"),
+        &path("truth"),
+    ]));
+    let ours = errors["result"]["location_error_percent"]["mean"]
+        .as_f64()
+        .unwrap()
+        / 100.0;
+    assert!(
+        (mean - ours).abs() < 1e-6 && ours > 0.01,
+        "evo {mean}, ours {ours}"
+    );
+}
+
 #[test]
 fn a_result_and_its_input_against_a_platform() {
     let home = tempfile::tempdir().unwrap();

@@ -11,16 +11,19 @@ use std::path::{Path, PathBuf};
 
 /// Measure a result against truth or a turning platform, side by side with the input's own poses.
 ///
-/// PATH is a result folder, or a sequence whose off-the-shelf poses are to be measured.
+/// PATH is a result folder, or a sequence or COLMAP workspace whose own poses and depth are to be measured.
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("against").required(true).args(["truth", "turn"])))]
 pub struct Args {
-    /// Result folder of `solve`, or a sequence
+    /// Result folder of `solve`, a sequence, or a COLMAP workspace
     path: PathBuf,
     /// A sequence of ours with [truth]: errors of orientation, location, depth and shape, density and IoU. Its own
     /// off-the-shelf poses, aligned by frame 0 and scale, stand beside the result's
     #[arg(long, value_name = "SEQUENCE")]
     truth: Option<PathBuf>,
+    /// openMVS folder (scene.mvs, depth*.dmap) that goes with PATH, a COLMAP workspace
+    #[arg(long, value_name = "FOLDER")]
+    depth: Option<PathBuf>,
     /// What is known of a turning platform (turn.txt): every frame's rotation error
     #[arg(long, value_name = "FILE", requires = "times")]
     turn: Option<PathBuf>,
@@ -65,7 +68,11 @@ fn truth_columns(args: &Args, result: Option<&RunResult>, truth: &Path) -> anyho
         ));
     }
     let own = if result.is_none() {
-        sequence(&args.path)?
+        let options = LoadOptions {
+            depth: args.depth.clone(),
+            ..LoadOptions::default()
+        };
+        load(&args.path, &options)?
     } else {
         reference.clone()
     };

@@ -1,7 +1,7 @@
 //! What [`against_truth`](super::against_truth) judges: cameras, depth and shape, from a solve or from off-the-shelf
 //! tools.
 
-use super::align_to_truth;
+use super::{align_to_truth, same_frame};
 use crate::geometry::{Pose, Vector3};
 use crate::image::DepthMap;
 use crate::init::Estimate;
@@ -46,7 +46,10 @@ impl Estimated {
     /// aligned with the truth by frame 0 and scale (Sec. 3.2). `None` if they cannot be aligned.
     pub fn of_input(own: &Sequence, reference: &Sequence, keep: impl Fn(&str) -> bool) -> Option<Self> {
         let truth = reference.truth.as_ref()?;
-        let known = |frame: &Frame| reference.frames.iter().position(|other| other.name == frame.name);
+        let known = |frame: &Frame| {
+            let mut others = reference.frames.iter();
+            others.position(|other| same_frame(&other.name, &frame.name))
+        };
         let chosen: Vec<(&Frame, usize)> = own
             .frames
             .iter()

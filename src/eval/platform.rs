@@ -1,6 +1,6 @@
 //! What is known of a turning platform: `turn.txt` (keys and values) and `times.txt` (image, seconds).
 
-use super::{TurnErrors, against_turn};
+use super::{TurnErrors, against_turn, same_frame};
 use crate::geometry::Rotation3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -46,9 +46,8 @@ impl Platform {
 
     /// When an image was taken; names may lack their extension.
     pub fn time_of(&self, image: &str) -> Option<f64> {
-        let stem = |name: &str| name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned();
         let exact = self.times.iter().find(|(name, _)| name == image);
-        let by_stem = || self.times.iter().find(|(name, _)| stem(name) == stem(image));
+        let by_stem = || self.times.iter().find(|(name, _)| same_frame(name, image));
         exact.or_else(by_stem).map(|&(_, seconds)| seconds)
     }
 }
