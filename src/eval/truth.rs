@@ -2,7 +2,7 @@
 
 use super::{DepthError, Estimated, MeanMax, chamfer, location_error, orientation_error_deg};
 use crate::geometry::Vector3;
-use crate::image::{DepthMap, Grid, Mask};
+use crate::image::DepthMap;
 use crate::report::{density, silhouette_iou};
 use crate::sequence::Truth;
 use serde::{Deserialize, Serialize};
@@ -45,13 +45,13 @@ pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
         else {
             continue;
         };
-        let covered = depth.as_ref().map(known);
+        let covered = depth.as_ref().map(DepthMap::known);
         let error = depth
             .as_ref()
             .map(|depth| DepthError::between(depth, estimated.depth_scale, true_depth))
             .unwrap_or_default();
         pooled = pooled.plus(error);
-        let silhouette = known(true_depth);
+        let silhouette = true_depth.known();
         frames.push(FrameErrors {
             name: name.clone(),
             orientation_error_deg: orientation_error_deg(&pose.rotation, &true_pose.rotation),
@@ -85,16 +85,11 @@ pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
     }
 }
 
-fn known(depth: &DepthMap) -> Mask {
-    Grid::from_fn(depth.width(), depth.height(), |column, row| {
-        depth[(column, row)] > 0.0
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::{Pose, Rotation3};
+    use crate::image::Grid;
     use crate::report::Surface;
     use crate::report::fixture::{box_car, solved};
 

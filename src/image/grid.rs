@@ -15,6 +15,15 @@ pub type Mask = Grid<bool>;
 /// z in the units of the poses that belong to it; 0 = unknown.
 pub type DepthMap = Grid<f32>;
 
+impl DepthMap {
+    /// Where there is a depth.
+    pub fn known(&self) -> Mask {
+        Grid::from_fn(self.width(), self.height(), |column, row| {
+            self[(column, row)] > 0.0
+        })
+    }
+}
+
 impl<T: Clone> Grid<T> {
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self {

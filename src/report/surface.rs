@@ -31,9 +31,7 @@ pub struct View {
 impl View {
     /// The silhouette: true where a footprint covers the pixel.
     pub fn mask(&self) -> Mask {
-        Grid::from_fn(self.depth.width(), self.depth.height(), |column, row| {
-            self.depth[(column, row)] > 0.0
-        })
+        self.depth.known()
     }
 }
 

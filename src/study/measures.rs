@@ -64,7 +64,7 @@ impl Measures {
         if sequence.truth.is_none() {
             let covered = sequence.frames.iter().map(|frame| {
                 let depth = frame.depth.as_ref();
-                depth.map_or(0.0, |depth| density(&frame.mask, &known(depth)))
+                depth.map_or(0.0, |depth| density(&frame.mask, &depth.known()))
             });
             measures.density = mean(covered);
         }
@@ -99,7 +99,7 @@ impl Measures {
             .frames
             .iter()
             .zip(&estimated.depth)
-            .filter_map(|(frame, depth)| Some((&frame.mask, known(depth.as_ref()?))))
+            .filter_map(|(frame, depth)| Some((&frame.mask, depth.as_ref()?.known())))
             .collect();
         Self {
             density: mean(covered.iter().map(|(mask, covered)| density(mask, covered))),
@@ -111,12 +111,6 @@ impl Measures {
             ..Self::default()
         }
     }
-}
-
-fn known(depth: &DepthMap) -> crate::image::Mask {
-    crate::image::Grid::from_fn(depth.width(), depth.height(), |column, row| {
-        depth[(column, row)] > 0.0
-    })
 }
 
 /// The mean; `None` of nothing.
