@@ -47,7 +47,7 @@ pub enum StudyError {
     #[error("{name}: {source}")]
     Sequence {
         name: String,
-        source: crate::sequence::SequenceError,
+        source: Box<crate::sequence::SequenceError>,
     },
     #[error("{name}: {source}")]
     Platform {

@@ -55,7 +55,7 @@ impl Subject {
         }
         let sequence = load(folder, &options).map_err(|source| StudyError::Sequence {
             name: name.to_owned(),
-            source,
+            source: Box::new(source),
         })?;
         let (turn, times) = (folder.join("turn.txt"), folder.join("times.txt"));
         let platform = turn
