@@ -81,6 +81,7 @@ impl<'a> Objective<'a> {
             });
         }
         let points = limit(options.points, prior.point_count());
+        let unit_px = silhouette::unit_px(&sequence.frames, options.silhouette_size);
         let problem = ffi::new_problem(
             &ffi::ProblemOptions {
                 frames,
@@ -88,9 +89,9 @@ impl<'a> Objective<'a> {
                 style: prior.style_len(),
                 photometric_weight: options.photometric_weight * options.point_weight,
                 photometric_huber: options.photometric_huber,
-                silhouette_weight: options.silhouette_weight,
-                silhouette_cauchy: options.silhouette_cauchy,
-                silhouette_tolerance: options.silhouette_tolerance,
+                silhouette_weight: options.silhouette_weight / (unit_px * unit_px),
+                silhouette_cauchy: options.silhouette_cauchy * unit_px,
+                silhouette_tolerance: options.silhouette_tolerance * unit_px,
                 inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,

@@ -14,7 +14,7 @@ pub struct ObjectiveOptions {
     /// Leave a point out of Eq. 4 where the other frame does not see it; the paper keeps it, and compares
     /// what hides it.
     pub covisible: bool,
-    /// λ1: weight of the silhouettes' Chamfer distance L_cd.
+    /// λ1: weight of the silhouettes' Chamfer distance L_cd, of squares in the pixels of `silhouette_size`.
     pub silhouette_weight: f64,
     /// Cauchy scale of a silhouette correspondence, in pixels: masks leak, and a leak must not pull for ever. 0
     /// means none, as in the paper.
@@ -22,6 +22,10 @@ pub struct ObjectiveOptions {
     /// Distance of a silhouette correspondence, in pixels, that counts as none; the paper's is 0. Points and
     /// pixels have a size: without it, the pairs inside the silhouette brake every motion of the shape.
     pub silhouette_tolerance: f64,
+    /// Silhouettes are measured in pixels of images in which the object's mean mask has this size squared as its area;
+    /// 0 means pixels as they are, as in the paper. Otherwise the same video at another resolution, or a larger object
+    /// in it, is another objective.
+    pub silhouette_size: f64,
     /// λ2: weight of the inverse-depth term L_invd.
     pub inverse_depth_weight: f64,
     /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal. The paper's 10 is never reached by an
@@ -66,6 +70,7 @@ impl Default for ObjectiveOptions {
             silhouette_weight: 1.6,
             silhouette_cauchy: 1.0,
             silhouette_tolerance: 1.0,
+            silhouette_size: 116.0,
             inverse_depth_weight: 4e4,
             inverse_depth_huber: 0.003,
             style_weight: 3.0,
@@ -119,6 +124,7 @@ impl ObjectiveOptions {
             ("style_weight", self.style_weight),
             ("silhouette_cauchy", self.silhouette_cauchy),
             ("silhouette_tolerance", self.silhouette_tolerance),
+            ("silhouette_size", self.silhouette_size),
         ];
         for (name, weight) in weights {
             if !(weight.is_finite() && weight >= 0.0) {

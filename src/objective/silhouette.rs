@@ -7,6 +7,17 @@ use crate::image::{Mask, NearestPixel};
 use crate::sequence::Frame;
 use std::pin::Pin;
 
+/// How many pixels are one of the images that [`ObjectiveOptions::silhouette_size`] speaks of.
+pub(super) fn unit_px(frames: &[Frame], silhouette_size: f64) -> f64 {
+    let inside = |frame: &Frame| frame.mask.data().iter().filter(|&&inside| inside).count();
+    let area = frames.iter().map(inside).sum::<usize>() as f64 / frames.len().max(1) as f64;
+    if silhouette_size > 0.0 && area > 0.0 {
+        area.sqrt() / silhouette_size
+    } else {
+        1.0
+    }
+}
+
 /// Hands the mask of `frame` (index `l`) to the problem.
 pub(super) fn add(
     problem: Pin<&mut ffi::Problem>,

@@ -230,6 +230,37 @@ fn weak_perspective_is_perspective_from_afar() {
     assert!((near - 1.0).abs() > 5e-3, "{near}");
 }
 
+/// Silhouettes twice as large as `silhouette_size`: every length counts half.
+#[test]
+fn silhouettes_are_measured_in_pixels_of_their_size() {
+    let sequence = sequence(3);
+    let area = sequence
+        .frames
+        .iter()
+        .flat_map(|frame| frame.mask.data())
+        .filter(|&&inside| inside)
+        .count();
+    let value = |size: f64, length: f64, weight: f64| {
+        let options = only(|o| {
+            o.silhouette_weight = weight;
+            o.silhouette_size = size;
+            o.silhouette_tolerance = length;
+            o.silhouette_cauchy = 3.0 * length;
+        });
+        objective(&sequence, &options, &estimate(3))
+            .evaluate()
+            .unwrap()
+            .silhouette
+    };
+    let half = (area as f64 / 3.0).sqrt() / 2.0;
+    let (relative, direct) = (value(half, 0.5, 1.0), value(0.0, 1.0, 0.25));
+    assert!(
+        (relative - direct).abs() < 1e-9 * direct && direct > 0.0,
+        "{relative} {direct}"
+    );
+    assert!((value(0.0, 0.5, 1.0) - direct).abs() > 0.1 * direct);
+}
+
 fn weak() -> ObjectiveOptions {
     only(|o| {
         o.weak_perspective = true;
@@ -320,6 +351,7 @@ fn the_silhouette_term_is_that_of(tolerance: f64) {
         silhouette_points: 0,
         silhouette_cauchy: 0.0,
         silhouette_tolerance: tolerance,
+        silhouette_size: 0.0,
         ..only(|o| o.silhouette_weight = 0.1)
     };
     let mut objective = objective(&sequence, &options, &at);
