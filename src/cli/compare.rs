@@ -19,7 +19,7 @@ pub struct Args {
     #[command(flatten)]
     input: InputArgs,
     /// Starts: the best of the short solves, and others 5 degrees and 2 % of the distance away from it
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// Histories of L-BFGS to try
     #[arg(long, value_name = "RANK", value_delimiter = ',', default_values_t = [default_lbfgs_rank()])]

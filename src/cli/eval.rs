@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(long, value_name = "SEQUENCE")]
     truth: Option<PathBuf>,
     /// openMVS folder (scene.mvs, depth*.dmap) that goes with PATH, a COLMAP workspace
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", requires = "truth")]
     depth: Option<PathBuf>,
     /// What is known of a turning platform (turn.txt): every frame's rotation error
     #[arg(long, value_name = "FILE", requires = "times")]
@@ -60,6 +60,12 @@ fn truth_columns(args: &Args, result: Option<&RunResult>, truth: &Path) -> anyho
         .truth
         .as_ref()
         .with_context(|| format!("{}: no [truth]; give a rendered sequence", truth.display()))?;
+    if result.is_some() && args.depth.is_some() {
+        bail!(
+            "--depth: {} is a result and has its own; leave it out",
+            args.path.display()
+        );
+    }
     let mut columns = Vec::new();
     if let Some(result) = result {
         columns.push((

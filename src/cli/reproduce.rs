@@ -7,6 +7,7 @@ use serde::Serialize;
 use spba_ceres::cad::scene::{self, Benchmark, Scene};
 use spba_ceres::sequence::{self, FrameWindow, LoadOptions};
 use spba_ceres::study::{self, Effort, Jobs, StudyError, Subject, Table};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 
 /// Make a table or a figure of the paper: data (CSV, JSON) and charts (SVG).
@@ -107,6 +108,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             scene: None,
         }],
     };
+    anyhow::ensure!(
+        !rendered.is_empty(),
+        "{}, --frames {}: no sequence; name one and give at least its least number of frames",
+        args.benchmark.display(),
+        args.frames
+    );
+    anyhow::ensure!(
+        args.natural.is_empty() || args.what == What::Table1,
+        "--natural: only table1 has natural columns; leave it out"
+    );
     let natural = args.natural.iter().map(|folder| {
         let name = folder.file_name().unwrap_or_default();
         Source {
@@ -116,31 +127,45 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     });
     let both: Vec<Source> = rendered.iter().cloned().chain(natural).collect();
-    let out = Output { args };
     match args.what {
         What::Table1 => {
             let table = study::table1(lazily(&both, effort), &jobs, effort)?;
             watch.finish();
-            out.write("table1", &both, &table, &table.details(), Some(&table.summary()))
+            write(
+                args,
+                "table1",
+                &both,
+                &table,
+                &table.details(),
+                Some(&table.summary()),
+            )
         }
         What::Fig6 => {
             let table = study::table1(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
             let figure = study::fig6(&table);
             figure.draw(&args.out)?;
-            out.write("fig6", &rendered, &figure.rows, &figure.table(), None)
+            write(args, "fig6", &rendered, &figure.rows, &figure.table(), None)
         }
         What::Fig7 => {
             let figure = study::fig7(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
             figure.draw(&args.out)?;
-            out.write("fig7", &rendered, &figure, &figure.table(), Some(&figure.table()))
+            write(
+                args,
+                "fig7",
+                &rendered,
+                &figure,
+                &figure.table(),
+                Some(&figure.table()),
+            )
         }
         What::Fig8 => {
             let figure = study::fig8(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
             figure.draw(&args.out)?;
-            out.write(
+            write(
+                args,
                 "fig8",
                 &rendered,
                 &figure,
@@ -151,7 +176,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         What::Ablation => {
             let table = study::ablation(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
-            out.write(
+            write(
+                args,
                 "ablation",
                 &rendered,
                 &table,
@@ -165,7 +191,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let figure = study::fig3(&subject, &jobs, effort)?;
             watch.finish();
             figure.draw(&args.out)?;
-            out.write("fig3", first, &figure, &figure.table(), None)
+            write(args, "fig3", first, &figure, &figure.table(), None)
         }
     }
 }
@@ -185,8 +211,14 @@ fn render(args: &Args, benchmark: &Benchmark) -> anyhow::Result<Vec<Source>> {
     for count in counts {
         for name in benchmark.names() {
             let full_name = format!("{name}-{count}");
-            let folder = args.cache.join("rendered").join(&full_name);
             let scene = benchmark.scene(name, count)?;
+            // A changed list must not find what an earlier one had rendered.
+            let mut hasher = DefaultHasher::new();
+            serde_json::to_string(&scene)?.hash(&mut hasher);
+            let folder = args
+                .cache
+                .join("rendered")
+                .join(format!("{full_name}-{:016x}", hasher.finish()));
             if !folder.exists() {
                 sequence::write(&scene::synthesise(&scene, &full_name)?, &folder)?;
             }
@@ -221,43 +253,37 @@ fn load_options(effort: Effort) -> LoadOptions {
 }
 
 /// Writes a study's data beside its charts and prints its table.
-struct Output<'a> {
-    args: &'a Args,
-}
-
-impl Output<'_> {
-    fn write<T: Serialize>(
-        &self,
-        name: &str,
-        sources: &[Source],
-        data: &T,
-        details: &Table,
-        summary: Option<&Table>,
-    ) -> anyhow::Result<()> {
-        let record = Record {
-            what: self.args.what,
-            version: env!("CARGO_PKG_VERSION"),
-            meaningful: !self.args.quick,
-            sequences: sources
-                .iter()
-                .map(|source| SourceRecord {
-                    name: &source.name,
-                    scene: source.scene.as_ref(),
-                })
-                .collect(),
-            data,
-        };
-        let out = &self.args.out;
-        study::write_text(
-            &out.join(format!("{name}.json")),
-            &serde_json::to_string_pretty(&record)?,
-        )?;
-        study::write_text(&out.join(format!("{name}.csv")), &details.csv())?;
-        if let Some(summary) = summary {
-            study::write_text(&out.join(format!("{name}.md")), &summary.markdown())?;
-            print!("{}", summary.text());
-        }
-        println!("written to {}/{name}*", out.display());
-        Ok(())
+fn write<T: Serialize>(
+    args: &Args,
+    name: &str,
+    sources: &[Source],
+    data: &T,
+    details: &Table,
+    summary: Option<&Table>,
+) -> anyhow::Result<()> {
+    let record = Record {
+        what: args.what,
+        version: env!("CARGO_PKG_VERSION"),
+        meaningful: !args.quick,
+        sequences: sources
+            .iter()
+            .map(|source| SourceRecord {
+                name: &source.name,
+                scene: source.scene.as_ref(),
+            })
+            .collect(),
+        data,
+    };
+    let out = &args.out;
+    study::write_text(
+        &out.join(format!("{name}.json")),
+        &serde_json::to_string_pretty(&record)?,
+    )?;
+    study::write_text(&out.join(format!("{name}.csv")), &details.csv())?;
+    if let Some(summary) = summary {
+        study::write_text(&out.join(format!("{name}.md")), &summary.markdown())?;
+        print!("{}", summary.text());
     }
+    println!("written to {}/{name}*", out.display());
+    Ok(())
 }

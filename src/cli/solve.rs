@@ -96,13 +96,13 @@ struct ObjectiveArgs {
     /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 20; the paper's is 100]
     #[arg(long, value_name = "WIDTH")]
     photometric_huber: Option<f64>,
-    /// λ1, weight of the silhouettes' Chamfer distance [default: 1.6; the paper's is 0.1]
+    /// λ1, weight of the silhouettes' Chamfer distance, in pixels of a fixed object size (silhouette_size) [default: 1.6; the paper's is 0.1]
     #[arg(long, value_name = "WEIGHT")]
     silhouette_weight: Option<f64>,
-    /// Cauchy scale of a silhouette correspondence in pixels; 0 = none [default: 1; the paper has none]
+    /// Cauchy scale of a silhouette correspondence in such pixels; 0 = none [default: 1; the paper has none]
     #[arg(long, value_name = "WIDTH")]
     silhouette_cauchy: Option<f64>,
-    /// Distance of a silhouette correspondence in pixels that counts as none [default: 1; the paper's is 0]
+    /// Distance of a silhouette correspondence in such pixels that counts as none [default: 1; the paper's is 0]
     #[arg(long, value_name = "PIXELS")]
     silhouette_tolerance: Option<f64>,
     /// λ2, weight of the inverse-depth term [default: 4e4; the paper's is 1000]

@@ -16,15 +16,15 @@ pub struct ObjectiveOptions {
     pub covisible: bool,
     /// λ1: weight of the silhouettes' Chamfer distance L_cd, of squares in the pixels of `silhouette_size`.
     pub silhouette_weight: f64,
-    /// Cauchy scale of a silhouette correspondence, in pixels: masks leak, and a leak must not pull for ever. 0
+    /// Cauchy scale of a silhouette correspondence, in pixels of `silhouette_size`: masks leak, and a leak must not pull for ever. 0
     /// means none, as in the paper.
     pub silhouette_cauchy: f64,
-    /// Distance of a silhouette correspondence, in pixels, that counts as none; the paper's is 0. Points and
+    /// Distance of a silhouette correspondence, in pixels of `silhouette_size`, that counts as none; the paper's is 0. Points and
     /// pixels have a size: without it, the pairs inside the silhouette brake every motion of the shape.
     pub silhouette_tolerance: f64,
     /// Silhouettes are measured in pixels of images in which the object's mean mask has this size squared as its area;
     /// 0 means pixels as they are, as in the paper. Otherwise the same video at another resolution, or a larger object
-    /// in it, is another objective.
+    /// in it, is another objective. The default is the size in the bundled sequence, with which weights were chosen.
     pub silhouette_size: f64,
     /// λ2: weight of the inverse-depth term L_invd.
     pub inverse_depth_weight: f64,

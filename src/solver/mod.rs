@@ -58,9 +58,7 @@ pub fn solve(
     options: &SolverOptions,
     observer: &Observer,
 ) -> Result<Solution, SolveError> {
-    options
-        .check()
-        .map_err(|(name, why)| SolveError::Option(name, why))?;
+    check(options)?;
     let estimates: Vec<Estimate> = starts.iter().map(|start| start.estimate.clone()).collect();
     let short = short_solves(sequence, prior, &estimates, observer)?;
     let hypotheses = starts
@@ -93,6 +91,12 @@ pub fn solve(
         seconds: short.seconds.into_iter().chain(refined.seconds).collect(),
         ..refined
     })
+}
+
+fn check(options: &SolverOptions) -> Result<(), SolveError> {
+    options
+        .check()
+        .map_err(|(name, why)| SolveError::Option(name, why))
 }
 
 /// The best of the short solves.
@@ -178,9 +182,7 @@ pub fn refine(
     options: &SolverOptions,
     observer: &Observer,
 ) -> Result<Solution, SolveError> {
-    options
-        .check()
-        .map_err(|(name, why)| SolveError::Option(name, why))?;
+    check(options)?;
     let began = Instant::now();
     let mut start = start.clone();
     if options.motion_start == MotionStart::Zero {
