@@ -307,6 +307,15 @@ fn faults_are_one_line() {
         text
     };
     fails(&[home.path()], "--truth");
+    let (surface, sequence, estimate) = rendered();
+    let (truth, result) = (home.path().join("truth"), home.path().join("result"));
+    spba_ceres::sequence::write(&sequence, &truth).unwrap();
+    write_result(&surface, &sequence, estimate, &result);
+    let (with_truth, with_depth) = (Path::new("--truth"), Path::new("--depth"));
+    fails(
+        &[&result, with_truth, &truth, with_depth, home.path()],
+        "--depth: ",
+    );
     std::fs::write(home.path().join("result.json"), "{\"schema\": 9}").unwrap();
     let text = fails(
         &[home.path(), Path::new("--truth"), home.path()],

@@ -86,20 +86,25 @@ fn every_table_and_figure_is_made_and_records_are_kept() {
 }
 
 #[test]
-fn an_unreadable_benchmark_is_one_clear_error() {
+fn what_cannot_be_reproduced_is_one_clear_error() {
     let home = tempfile::tempdir().unwrap();
-    let list = home.path().join("list.toml");
-    std::fs::write(&list, "frames = []\n").unwrap();
-    let assert = Command::cargo_bin("spba-ceres")
-        .unwrap()
-        .args(["reproduce", "fig7", "--benchmark", list.to_str().unwrap()])
-        .args(["--cache", home.path().join("cache").to_str().unwrap()])
-        .args(["--out", home.path().join("results").to_str().unwrap()])
-        .assert()
-        .failure()
-        .code(1);
-    let message = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
-    assert_eq!(message.lines().count(), 1, "{message}");
-    assert!(message.contains("list.toml"), "{message}");
+    let path = |name: &str| home.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(home.path().join("list.toml"), "frames = []\n").unwrap();
+    let refused = |arguments: &[&str]| {
+        let assert = Command::cargo_bin("spba-ceres")
+            .unwrap()
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args(["reproduce", "--cache", &path("cache"), "--out", &path("results")])
+            .args(arguments)
+            .assert()
+            .failure()
+            .code(1);
+        let message = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+        assert_eq!(message.lines().count(), 1, "{message}");
+        message
+    };
+    assert!(refused(&["fig7", "--benchmark", &path("list.toml")]).contains("list.toml"));
     assert!(!home.path().join("results").exists(), "nothing half-written");
+    assert!(refused(&["fig7", "--frames", "1"]).contains("--frames 1: no sequence"));
+    assert!(refused(&["fig8", "--quick", "--natural", "x"]).contains("--natural: only table1"));
 }
