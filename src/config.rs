@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn the_written_configuration_reads_back() {
         let mut config = Config::default();
-        config.solver.minimiser = crate::solver::Minimiser::Lbfgs { rank: 7 };
+        config.solver.minimiser = crate::solver::Minimiser::lbfgs(7);
         config.input.frames = "0..16".into();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("config.toml");

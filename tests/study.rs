@@ -106,5 +106,5 @@ fn what_cannot_be_reproduced_is_one_clear_error() {
     assert!(refused(&["fig7", "--benchmark", &path("list.toml")]).contains("list.toml"));
     assert!(!home.path().join("results").exists(), "nothing half-written");
     assert!(refused(&["fig7", "--frames", "1"]).contains("--frames 1: no sequence"));
-    assert!(refused(&["fig8", "--quick", "--natural", "x"]).contains("--natural: only table1"));
+    assert!(refused(&["fig8", "--quick", "--natural", "x"]).contains("only table1 takes further sequences"));
 }

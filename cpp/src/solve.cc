@@ -89,6 +89,18 @@ ceres::LinearSolverType ToCeres(LinearSolver solver) {
   throw std::invalid_argument("no such linear solver");
 }
 
+ceres::LineSearchInterpolationType ToCeres(Interpolation interpolation) {
+  switch (interpolation) {
+    case Interpolation::Cubic:
+      return ceres::CUBIC;
+    case Interpolation::Quadratic:
+      return ceres::QUADRATIC;
+    case Interpolation::Bisection:
+      return ceres::BISECTION;
+  }
+  throw std::invalid_argument("no such interpolation");
+}
+
 ceres::Solver::Options ToCeres(const SolveOptions& options, Variables* variables) {
   ceres::Solver::Options ceres_options;
   // One thread: with more, Ceres 2.1 adds costs up in the order in which threads happen to finish.
@@ -104,6 +116,7 @@ ceres::Solver::Options ToCeres(const SolveOptions& options, Variables* variables
     ceres_options.minimizer_type = ceres::LINE_SEARCH;
     ceres_options.line_search_direction_type = ceres::LBFGS;
     ceres_options.line_search_type = ceres::WOLFE;
+    ceres_options.line_search_interpolation_type = ToCeres(options.interpolation);
     ceres_options.max_lbfgs_rank = static_cast<int>(options.lbfgs_rank);
     return ceres_options;
   }

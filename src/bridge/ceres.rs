@@ -83,6 +83,7 @@ pub mod ffi {
         /// L-BFGS instead of Levenberg–Marquardt.
         line_search: bool,
         lbfgs_rank: u32,
+        interpolation: Interpolation,
         initial_trust_region_radius: f64,
         /// Of Levenberg–Marquardt.
         linear_solver: LinearSolver,
@@ -98,6 +99,14 @@ pub mod ffi {
         IterativeSchur,
         SparseNormalCholesky,
         DenseNormalCholesky,
+    }
+
+    /// How L-BFGS's line search chooses its next trial.
+    #[derive(Clone, Copy, Debug)]
+    enum Interpolation {
+        Cubic,
+        Quadratic,
+        Bisection,
     }
 
     /// The terms of Eq. 9, weights included.

@@ -4,7 +4,7 @@ use super::input::InputArgs;
 use super::progress::StudyWatch;
 use anyhow::Context;
 use clap::ValueEnum;
-use spba_ceres::solver::{LinearSolver, default_lbfgs_rank};
+use spba_ceres::solver::{Interpolation, LinearSolver, default_lbfgs_rank};
 use spba_ceres::study::{self, Effort, Jobs, Subject};
 use std::path::PathBuf;
 
@@ -24,6 +24,9 @@ pub struct Args {
     /// Histories of L-BFGS to try
     #[arg(long, value_name = "RANK", value_delimiter = ',', default_values_t = [default_lbfgs_rank()])]
     lbfgs_ranks: Vec<u32>,
+    /// How L-BFGS's line search is to choose its next trial
+    #[arg(long, value_name = "KIND", value_delimiter = ',', default_value = "cubic")]
+    interpolations: Vec<InterpolationArg>,
     /// Further linear solvers for joint LM, whose own is Ceres's DENSE_SCHUR
     #[arg(long, value_name = "SOLVER", value_delimiter = ',')]
     linear_solvers: Vec<LinearSolverArg>,
@@ -47,6 +50,13 @@ enum LinearSolverArg {
     IterativeSchur,
     SparseNormalCholesky,
     DenseNormalCholesky,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum InterpolationArg {
+    Cubic,
+    Quadratic,
+    Bisection,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -74,7 +84,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             LinearSolverArg::DenseNormalCholesky => LinearSolver::DenseNormalCholesky,
         })
         .collect();
-    let methods = study::methods(&args.lbfgs_ranks, &linear_solvers);
+    let interpolations: Vec<Interpolation> = args
+        .interpolations
+        .iter()
+        .map(|interpolation| match interpolation {
+            InterpolationArg::Cubic => Interpolation::Cubic,
+            InterpolationArg::Quadratic => Interpolation::Quadratic,
+            InterpolationArg::Bisection => Interpolation::Bisection,
+        })
+        .collect();
+    let methods = study::methods(&args.lbfgs_ranks, &interpolations, &linear_solvers);
     let watch = StudyWatch::start()?;
     let jobs = Jobs::new(&args.cache.join("records"), &watch)?;
     let comparison = study::compare(&subject, &methods, args.seeds, &jobs, effort)?;

@@ -206,6 +206,12 @@ fn print_truth(columns: &[(&str, TruthErrors)]) {
     row("camera location error, % diagonal, mean / max", &|e| {
         spread(e.location_error_percent)
     });
+    row("  orientation, first camera and scale given", &|e| {
+        spread(e.aligned_orientation_error_deg)
+    });
+    row("  location, first camera and scale given", &|e| {
+        spread(e.aligned_location_error_percent)
+    });
     row("depth error, object units", &|e| number(e.depth_error));
     row("density", &|e| number(e.density_mean));
     row("silhouette IoU", &|e| number(e.silhouette_iou_mean));

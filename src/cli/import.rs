@@ -1,7 +1,7 @@
 //! `spba-ceres import`.
 
 use super::input::{InputArgs, read};
-use spba_ceres::sequence;
+use spba_ceres::sequence::{self, LoadOptions};
 use std::path::PathBuf;
 
 /// Turn a COLMAP workspace (with openMVS depth, if given) into a sequence folder.
@@ -9,6 +9,10 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
+    /// The rendered sequence that the images are from: its truth goes along, so that a solve from these poses and depth
+    /// can be measured
+    #[arg(long, value_name = "SEQUENCE")]
+    truth: Option<PathBuf>,
     /// The sequence folder to make; must not exist
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
@@ -19,7 +23,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.out.symlink_metadata().is_ok() {
         return Err(sequence::SequenceError::TargetExists(args.out.clone()).into());
     }
-    let sequence = read(&args.input.input, &options)?;
+    let mut sequence = read(&args.input.input, &options)?;
+    if let Some(truth) = &args.truth {
+        sequence.take_truth(&sequence::load(truth, &LoadOptions::default())?, truth)?;
+    }
     sequence::write(&sequence, &args.out)?;
     println!(
         "{} frames written to {}",

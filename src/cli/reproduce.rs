@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use spba_ceres::cad::scene::{self, Benchmark, Scene};
 use spba_ceres::sequence::{self, FrameWindow, LoadOptions};
-use spba_ceres::study::{self, Effort, Jobs, StudyError, Subject, Table};
+use spba_ceres::study::{self, Effort, Jobs, Kind, StudyError, Subject, Table};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 
@@ -29,6 +29,10 @@ pub struct Args {
     /// A natural sequence on a turning platform (turn.txt, times.txt, perhaps openmvs/) for table1; may be repeated
     #[arg(long, value_name = "FOLDER")]
     natural: Vec<PathBuf>,
+    /// A rendered sequence whose poses and depth are a real tool's, as scripts/off_the_shelf makes, for table1; may be
+    /// repeated
+    #[arg(long, value_name = "FOLDER")]
+    real_input: Vec<PathBuf>,
     /// Frames per rendered sequence; fig7 goes through those of the list up to this many
     #[arg(long, value_name = "L", default_value_t = 11)]
     frames: usize,
@@ -84,6 +88,7 @@ struct SourceRecord<'a> {
 struct Source {
     name: String,
     folder: PathBuf,
+    kind: Kind,
     scene: Option<Scene>,
 }
 
@@ -105,6 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         None => vec![Source {
             name: "car".to_owned(),
             folder: PathBuf::from(BUNDLED),
+            kind: Kind::Rendered,
             scene: None,
         }],
     };
@@ -115,33 +121,39 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         args.frames
     );
     anyhow::ensure!(
-        args.natural.is_empty() || args.what == What::Table1,
-        "--natural: only table1 has natural columns; leave it out"
+        args.natural.is_empty() && args.real_input.is_empty() || args.what == What::Table1,
+        "--natural, --real-input: only table1 takes further sequences; leave them out"
     );
-    let natural = args.natural.iter().map(|folder| {
-        let name = folder.file_name().unwrap_or_default();
-        Source {
-            name: name.to_string_lossy().into_owned(),
-            folder: folder.clone(),
-            scene: None,
-        }
-    });
-    let both: Vec<Source> = rendered.iter().cloned().chain(natural).collect();
+    let named = |folders: &[PathBuf], kind| {
+        let source = move |folder: &PathBuf| {
+            let name = folder.file_name().unwrap_or_default();
+            Source {
+                name: name.to_string_lossy().into_owned(),
+                folder: folder.clone(),
+                kind,
+                scene: None,
+            }
+        };
+        folders.iter().map(source).collect::<Vec<_>>()
+    };
+    let mut all = rendered.clone();
+    all.extend(named(&args.real_input, Kind::RenderedRealInput));
+    all.extend(named(&args.natural, Kind::Natural));
     match args.what {
         What::Table1 => {
-            let table = study::table1(lazily(&both, effort), &jobs, effort)?;
+            let table = study::table1(with_kind(&all, effort), &jobs, effort)?;
             watch.finish();
             write(
                 args,
                 "table1",
-                &both,
+                &all,
                 &table,
                 &table.details(),
                 Some(&table.summary()),
             )
         }
         What::Fig6 => {
-            let table = study::table1(lazily(&rendered, effort), &jobs, effort)?;
+            let table = study::table1(with_kind(&rendered, effort), &jobs, effort)?;
             watch.finish();
             let figure = study::fig6(&table);
             figure.draw(&args.out)?;
@@ -225,6 +237,7 @@ fn render(args: &Args, benchmark: &Benchmark) -> anyhow::Result<Vec<Source>> {
             sources.push(Source {
                 name: full_name,
                 folder,
+                kind: Kind::Rendered,
                 scene: Some(scene),
             });
         }
@@ -237,6 +250,15 @@ fn lazily(sources: &[Source], effort: Effort) -> impl Iterator<Item = Result<Sub
     sources
         .iter()
         .map(move |source| Subject::load(&source.name, &source.folder, load_options(effort)))
+}
+
+/// The same for Table 1.
+fn with_kind(
+    sources: &[Source],
+    effort: Effort,
+) -> impl Iterator<Item = (Kind, Result<Subject, StudyError>)> {
+    let kinds = sources.iter().map(|source| source.kind);
+    kinds.zip(lazily(sources, effort))
 }
 
 fn load_options(effort: Effort) -> LoadOptions {

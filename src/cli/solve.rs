@@ -270,9 +270,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
             solver.minimiser = Minimiser::lm(LinearSolver::Auto);
         }
         Some(Method::Lbfgs) if !matches!(solver.minimiser, Minimiser::Lbfgs { .. }) => {
-            solver.minimiser = Minimiser::Lbfgs {
-                rank: default_lbfgs_rank(),
-            };
+            solver.minimiser = Minimiser::lbfgs(default_lbfgs_rank());
         }
         _ => {}
     }
@@ -293,7 +291,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         ) => {
             *initial_trust_region_radius = radius;
         }
-        (Minimiser::Lbfgs { rank }, None, Some(wanted)) => *rank = wanted,
+        (Minimiser::Lbfgs { rank, .. }, None, Some(wanted)) => *rank = wanted,
         _ => {}
     }
     Ok(config)

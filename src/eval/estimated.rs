@@ -1,12 +1,12 @@
 //! What [`against_truth`](super::against_truth) judges: cameras, depth and shape, from a solve or from off-the-shelf
 //! tools.
 
-use super::{align_to_truth, same_frame};
+use super::align_to_truth;
 use crate::geometry::{Pose, Vector3};
 use crate::image::DepthMap;
 use crate::init::Estimate;
 use crate::report::Surface;
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Sequence, same_frame};
 
 /// What is to be judged, frame by frame in the truth's order, in the object frame.
 pub struct Estimated {

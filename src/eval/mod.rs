@@ -9,15 +9,6 @@ mod platform;
 mod truth;
 mod turn;
 
-/// Whether two names are of one frame: equal, or equal without an extension.
-fn same_frame(a: &str, b: &str) -> bool {
-    let stem = |name: &str| {
-        name.rsplit_once('.')
-            .map_or(name.to_owned(), |(stem, _)| stem.to_owned())
-    };
-    a == b || stem(a) == stem(b)
-}
-
 pub use align::align_to_truth;
 pub use estimated::Estimated;
 pub use metrics::{DepthError, MeanMax, chamfer, location_error, orientation_error_deg};

@@ -1,7 +1,8 @@
 //! What is known of a turning platform: `turn.txt` (keys and values) and `times.txt` (image, seconds).
 
-use super::{TurnErrors, against_turn, same_frame};
+use super::{TurnErrors, against_turn};
 use crate::geometry::Rotation3;
+use crate::sequence::same_frame;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! One Ceres call: which variables move, how, and until when.
 
 use crate::bridge::ceres::ffi;
-use crate::solver::{Evaluations, LinearSolver, Minimiser, ObjectiveValue};
+use crate::solver::{Evaluations, Interpolation, LinearSolver, Minimiser, ObjectiveValue};
 
 /// The variables that a call moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,12 +42,16 @@ pub struct Call {
 impl Call {
     pub(super) fn options(&self) -> ffi::SolveOptions {
         let free = |block| self.block == Block::All || self.block == block;
-        let (line_search, lbfgs_rank, initial_trust_region_radius, linear_solver) = match self.minimiser {
+        let (radius, linear_solver) = match self.minimiser {
             Minimiser::Lm {
                 initial_trust_region_radius,
                 linear_solver,
-            } => (false, 0, initial_trust_region_radius, linear_solver),
-            Minimiser::Lbfgs { rank } => (true, rank, 0.0, LinearSolver::Auto),
+            } => (initial_trust_region_radius, linear_solver),
+            Minimiser::Lbfgs { .. } => (0.0, LinearSolver::Auto),
+        };
+        let (line_search, lbfgs_rank, interpolation) = match self.minimiser {
+            Minimiser::Lm { .. } => (false, 0, Interpolation::Cubic),
+            Minimiser::Lbfgs { rank, interpolation } => (true, rank, interpolation),
         };
         ffi::SolveOptions {
             free_target: free(Block::Target),
@@ -56,7 +60,12 @@ impl Call {
             free_alpha: self.free_alpha,
             line_search,
             lbfgs_rank,
-            initial_trust_region_radius,
+            interpolation: match interpolation {
+                Interpolation::Cubic => ffi::Interpolation::Cubic,
+                Interpolation::Quadratic => ffi::Interpolation::Quadratic,
+                Interpolation::Bisection => ffi::Interpolation::Bisection,
+            },
+            initial_trust_region_radius: radius,
             linear_solver: match (linear_solver, self.block) {
                 (LinearSolver::Auto, Block::All) | (LinearSolver::DenseSchur, _) => {
                     ffi::LinearSolver::DenseSchur

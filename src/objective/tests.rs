@@ -332,7 +332,7 @@ fn l_bfgs_finds_the_minimum_of_levenberg_marquardt_and_leaves_the_gradient_as_it
     };
     let start = objective(&sequence, &options, &at).evaluate().unwrap().total;
     let lm = end(Minimiser::lm(LinearSolver::Auto));
-    let lbfgs = end(Minimiser::Lbfgs { rank: 20 });
+    let lbfgs = end(Minimiser::lbfgs(20));
     assert!(lm < 0.9 * start, "{start} {lm}");
     assert!((lbfgs - lm).abs() < 1e-3 * lm, "{lm} {lbfgs}");
 }

@@ -61,6 +61,49 @@ impl Sequence {
             truth.depth[..=target].rotate_left(1);
         }
     }
+
+    /// Takes over what `reference`, read from `folder`, knows of these frames, by their names: so that off-the-shelf tools
+    /// that were run on rendered images can be judged. Fails unless it knows every frame, of the same size.
+    pub fn take_truth(&mut self, reference: &Self, folder: &Path) -> Result<(), SequenceError> {
+        let listing = folder.join(folder::MANIFEST);
+        let known = reference.truth.as_ref().ok_or_else(|| SequenceError::Missing {
+            file: listing.clone(),
+            what: "[truth]".into(),
+            mend: "name a rendered sequence".into(),
+        })?;
+        let (mut camera_from_object, mut depth) = (Vec::new(), Vec::new());
+        for frame in &self.frames {
+            let mut others = reference.frames.iter();
+            let index = others
+                .position(|other| same_frame(&other.name, &frame.name))
+                .filter(|&index| known.depth[index].size() == frame.image.size())
+                .ok_or_else(|| {
+                    let (width, height) = frame.image.size();
+                    SequenceError::Missing {
+                        file: listing.clone(),
+                        what: format!("truth of frame {}, {width} × {height}", frame.name),
+                        mend: "name the sequence that the frames were rendered for".into(),
+                    }
+                })?;
+            camera_from_object.push(known.camera_from_object[index]);
+            depth.push(known.depth[index].clone());
+        }
+        self.truth = Some(Truth {
+            camera_from_object,
+            depth,
+            shape: known.shape.clone(),
+        });
+        Ok(())
+    }
+}
+
+/// Whether two names are of one frame: equal, or equal without an extension.
+pub(crate) fn same_frame(a: &str, b: &str) -> bool {
+    let stem = |name: &str| {
+        name.rsplit_once('.')
+            .map_or(name.to_owned(), |(stem, _)| stem.to_owned())
+    };
+    a == b || stem(a) == stem(b)
 }
 
 /// One undistorted frame. Image, mask and depth have one size.

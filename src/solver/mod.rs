@@ -7,7 +7,7 @@ mod scale;
 mod solution;
 
 pub use options::{
-    LinearSolver, Minimiser, MotionStart, SolverOptions, Strategy, default_lbfgs_rank,
+    Interpolation, LinearSolver, Minimiser, MotionStart, SolverOptions, Strategy, default_lbfgs_rank,
     default_trust_region_radius,
 };
 pub use progress::Observer;

@@ -18,12 +18,30 @@ pub enum LinearSolver {
     DenseNormalCholesky,
 }
 
+/// How L-BFGS's line search chooses its next trial from the values and slopes of the last ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    #[default]
+    Cubic,
+    Quadratic,
+    Bisection,
+}
+
 impl Minimiser {
     /// Levenberg–Marquardt with Ceres's own radius.
     pub const fn lm(linear_solver: LinearSolver) -> Self {
         Self::Lm {
             initial_trust_region_radius: default_trust_region_radius(),
             linear_solver,
+        }
+    }
+
+    /// L-BFGS that remembers `rank` steps.
+    pub fn lbfgs(rank: u32) -> Self {
+        Self::Lbfgs {
+            rank,
+            interpolation: Interpolation::default(),
         }
     }
 }
@@ -45,6 +63,8 @@ pub enum Minimiser {
         /// How many past steps approximate the Hessian.
         #[serde(default = "default_lbfgs_rank")]
         rank: u32,
+        #[serde(default)]
+        interpolation: Interpolation,
     },
 }
 
@@ -130,7 +150,7 @@ impl SolverOptions {
             } if self.strategy == Strategy::Alternating => {
                 return Err(("linear_solver", "a Schur solver needs the joint strategy"));
             }
-            Minimiser::Lbfgs { rank: 0 } => return Err(("rank", "must be 1 or more")),
+            Minimiser::Lbfgs { rank: 0, .. } => return Err(("rank", "must be 1 or more")),
             _ => {}
         }
         if self.max_steps == 0 {

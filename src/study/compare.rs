@@ -14,7 +14,7 @@ use crate::init::{Estimate, motion_from_input};
 use crate::objective::Objective;
 use crate::prior::{self, ShapePrior};
 use crate::sequence::Sequence;
-use crate::solver::{self, LinearSolver, Minimiser, Strategy, Termination};
+use crate::solver::{self, Interpolation, LinearSolver, Minimiser, Strategy, Termination};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -55,9 +55,13 @@ pub struct Comparison {
     pub courses: Vec<Course>,
 }
 
-/// Both minimisers with both strategies, L-BFGS with each history of `ranks`; and joint LM with each of
-/// `linear_solvers`.
-pub fn methods(ranks: &[u32], linear_solvers: &[LinearSolver]) -> Vec<Method> {
+/// Both minimisers with both strategies, L-BFGS with each history of `ranks` and each of `interpolations`; and joint LM
+/// with each of `linear_solvers`.
+pub fn methods(
+    ranks: &[u32],
+    interpolations: &[Interpolation],
+    linear_solvers: &[LinearSolver],
+) -> Vec<Method> {
     let method = |name: String, label: String, minimiser, strategy| {
         let mut config = Config::default();
         config.solver.minimiser = minimiser;
@@ -69,11 +73,21 @@ pub fn methods(ranks: &[u32], linear_solvers: &[LinearSolver]) -> Vec<Method> {
         let lm = Minimiser::lm(LinearSolver::Auto);
         methods.push(method(format!("lm-{word}"), format!("LM, {word}"), lm, strategy));
     }
-    for &rank in ranks {
+    for (&rank, &interpolation) in ranks.iter().flat_map(|rank| {
+        interpolations
+            .iter()
+            .map(move |interpolation| (rank, interpolation))
+    }) {
         for (strategy, word) in [(Strategy::Joint, "joint"), (Strategy::Alternating, "alternating")] {
-            let label = format!("L-BFGS, {word}, history {rank}");
-            let lbfgs = Minimiser::Lbfgs { rank };
-            methods.push(method(format!("lbfgs-{rank}-{word}"), label, lbfgs, strategy));
+            let kind = format!("{interpolation:?}").to_lowercase();
+            let label = format!("L-BFGS, {word}, history {rank}, {kind}");
+            let lbfgs = Minimiser::Lbfgs { rank, interpolation };
+            methods.push(method(
+                format!("lbfgs-{rank}-{kind}-{word}"),
+                label,
+                lbfgs,
+                strategy,
+            ));
         }
     }
     for &solver in linear_solvers {

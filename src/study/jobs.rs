@@ -2,6 +2,7 @@
 
 use super::{StudyError, write_text};
 use crate::solver::TraceRow;
+use include_dir::{Dir, DirEntry, include_dir};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,41 @@ pub trait Watch: Sync {
     /// A solver's iteration within a job; false stops the study.
     fn iteration(&self, job: &str, row: &TraceRow) -> bool;
     fn finished(&self, job: &str);
+}
+
+static RUST: Dir = include_dir!("$CARGO_MANIFEST_DIR/src");
+static CPP: Dir = include_dir!("$CARGO_MANIFEST_DIR/cpp");
+const DEPENDENCIES: &[u8] = include_bytes!("../../Cargo.lock");
+
+/// Sources that only name, show and write what the others found.
+const PRESENTATION: [&str; 9] = [
+    "cli",
+    "main.rs",
+    "study/ablation.rs",
+    "study/fig6.rs",
+    "study/fig7.rs",
+    "study/fig8.rs",
+    "study/plot.rs",
+    "study/table.rs",
+    "study/table1.rs",
+];
+
+/// Tells builds apart whose records could differ; a version number would not.
+fn build() -> u64 {
+    fn add(folder: &Dir, hasher: &mut DefaultHasher) {
+        for entry in folder.entries() {
+            match entry {
+                _ if PRESENTATION.iter().any(|path| entry.path() == Path::new(path)) => {}
+                DirEntry::Dir(folder) => add(folder, hasher),
+                DirEntry::File(file) => (file.path(), file.contents()).hash(hasher),
+            }
+        }
+    }
+    let mut hasher = DefaultHasher::new();
+    add(&RUST, &mut hasher);
+    add(&CPP, &mut hasher);
+    (DEPENDENCIES, cfg!(debug_assertions)).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// Runs jobs and keeps their records in a folder.
@@ -36,15 +72,9 @@ impl<'a> Jobs<'a> {
     /// Records are kept in `folder`.
     pub fn new(folder: &Path, watch: &'a dyn Watch) -> Result<Self, StudyError> {
         std::fs::create_dir_all(folder).map_err(StudyError::io(folder))?;
-        // The program's own bytes: a version number does not tell one build from the next.
-        let program = std::env::current_exe().map_err(StudyError::io(folder))?;
-        let mut hasher = DefaultHasher::new();
-        std::fs::read(&program)
-            .map_err(StudyError::io(&program))?
-            .hash(&mut hasher);
         Ok(Self {
             folder: folder.to_owned(),
-            build: hasher.finish(),
+            build: build(),
             watch,
         })
     }

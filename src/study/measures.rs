@@ -13,6 +13,9 @@ pub struct Measures {
     pub orientation_error_deg: Option<f64>,
     /// % of the object's diagonal.
     pub location_error_percent: Option<f64>,
+    /// The same two after the first camera is given and the scale fitted.
+    pub aligned_orientation_error_deg: Option<f64>,
+    pub aligned_location_error_percent: Option<f64>,
     /// Object units (diagonals).
     pub depth_error: Option<f64>,
     /// By the true silhouettes, or the given masks.
@@ -85,6 +88,8 @@ impl Measures {
         Self {
             orientation_error_deg: errors.orientation_error_deg.map(|m| m.mean),
             location_error_percent: errors.location_error_percent.map(|m| m.mean),
+            aligned_orientation_error_deg: errors.aligned_orientation_error_deg.map(|m| m.mean),
+            aligned_location_error_percent: errors.aligned_location_error_percent.map(|m| m.mean),
             depth_error: errors.depth_error,
             density: errors.density_mean,
             silhouette_iou: errors.silhouette_iou_mean,

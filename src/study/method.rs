@@ -42,9 +42,7 @@ impl Method {
     pub fn ours_alternating_lbfgs() -> Self {
         let mut config = Config::default();
         config.solver.strategy = Strategy::Alternating;
-        config.solver.minimiser = Minimiser::Lbfgs {
-            rank: default_lbfgs_rank(),
-        };
+        config.solver.minimiser = Minimiser::lbfgs(default_lbfgs_rank());
         Self::new("ours-lbfgs", "ours, alternating L-BFGS", config)
     }
 

@@ -15,11 +15,35 @@ pub struct Row {
     pub entries: Vec<Entry>,
 }
 
+/// What a sequence and its off-the-shelf poses and depth are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Rendered; poses and depth are the truth with noise, holes and outliers.
+    Rendered,
+    /// Rendered; poses and depth are what a real tool made of the images.
+    RenderedRealInput,
+    /// Photographed; without truth, but perhaps on a turning platform.
+    Natural,
+}
+
+impl Kind {
+    const ALL: [Self; 3] = [Self::Rendered, Self::RenderedRealInput, Self::Natural];
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Rendered => "rendered",
+            Self::RenderedRealInput => "rendered, real input",
+            Self::Natural => "natural",
+        }
+    }
+}
+
 /// One row on one sequence.
 #[derive(Clone, Debug, Serialize)]
 pub struct Entry {
     pub sequence: String,
-    pub natural: bool,
+    pub kind: Kind,
     pub measures: Measures,
     /// Of a solve.
     pub run: Option<Run>,
@@ -33,7 +57,7 @@ pub struct Table1 {
 
 /// Runs what is missing, sequence by sequence, and collects the table.
 pub fn table1<'s>(
-    subjects: impl IntoIterator<Item = Result<Subject, StudyError>> + 's,
+    subjects: impl IntoIterator<Item = (Kind, Result<Subject, StudyError>)> + 's,
     jobs: &Jobs,
     effort: Effort,
 ) -> Result<Table1, StudyError> {
@@ -56,15 +80,14 @@ pub fn table1<'s>(
     let mut given = row("off-the-shelf input", None);
     let mut template = row("initialisation (template)", None);
     let mut short = row("short solves (all start there)", None);
-    for subject in subjects {
+    for (kind, subject) in subjects {
         let subject = subject?;
-        let natural = subject.sequence.truth.is_none();
         let start = subject.start(jobs, effort)?;
         let linear = prior::find(&methods[0].config.prior)?;
         let note = |row: &mut Row, measures, run| {
             row.entries.push(Entry {
                 sequence: subject.name.clone(),
-                natural,
+                kind,
                 measures,
                 run,
             });
@@ -93,46 +116,47 @@ impl Table1 {
     /// Means over the sequences of each kind, in the paper's units.
     pub fn summary(&self) -> Table {
         let mut table = Table::new(&[
-            "",
+            "method",
+            "sequences",
             "depth error",
             "density",
             "location error",
             "orientation error, deg",
+            "first camera given: location",
+            "orientation, deg",
+            "turn error, deg",
             "silhouette IoU",
             "Chamfer, %",
             "CPU s",
-            "natural: turn error, deg",
-            "density",
-            "silhouette IoU",
         ]);
-        for row in &self.rows {
-            let over = |natural: bool, value: &dyn Fn(&Entry) -> Option<f64>| {
-                mean(
-                    row.entries
-                        .iter()
-                        .filter(|entry| entry.natural == natural)
-                        .filter_map(value),
-                )
-            };
-            let measure = |natural, value: fn(&Measures) -> Option<f64>| {
-                over(natural, &|entry: &Entry| value(&entry.measures))
-            };
-            table.rows.push(vec![
-                row.label.clone(),
-                cell(measure(false, |m| m.depth_error), 4),
-                cell(measure(false, |m| m.density), 4),
-                cell(
-                    measure(false, |m| m.location_error_percent.map(|percent| percent / 100.0)),
-                    4,
-                ),
-                cell(measure(false, |m| m.orientation_error_deg), 4),
-                cell(measure(false, |m| m.silhouette_iou), 3),
-                cell(measure(false, |m| m.chamfer_percent), 2),
-                cell(over(false, &|entry| Some(entry.run.as_ref()?.cpu_seconds)), 0),
-                cell(measure(true, |m| m.turn_error_deg), 3),
-                cell(measure(true, |m| m.density), 3),
-                cell(measure(true, |m| m.silhouette_iou), 3),
-            ]);
+        for kind in Kind::ALL {
+            for row in &self.rows {
+                let entries: Vec<&Entry> = row.entries.iter().filter(|entry| entry.kind == kind).collect();
+                if entries.is_empty() {
+                    continue;
+                }
+                let measure = |value: fn(&Measures) -> Option<f64>| {
+                    mean(entries.iter().filter_map(|entry| value(&entry.measures)))
+                };
+                let share = |percent: Option<f64>| percent.map(|percent| percent / 100.0);
+                let cpu_seconds = entries
+                    .iter()
+                    .filter_map(|entry| Some(entry.run.as_ref()?.cpu_seconds));
+                table.rows.push(vec![
+                    row.label.clone(),
+                    format!("{} ({})", kind.label(), entries.len()),
+                    cell(measure(|m| m.depth_error), 4),
+                    cell(measure(|m| m.density), 4),
+                    cell(share(measure(|m| m.location_error_percent)), 4),
+                    cell(measure(|m| m.orientation_error_deg), 3),
+                    cell(share(measure(|m| m.aligned_location_error_percent)), 4),
+                    cell(measure(|m| m.aligned_orientation_error_deg), 3),
+                    cell(measure(|m| m.turn_error_deg), 3),
+                    cell(measure(|m| m.silhouette_iou), 3),
+                    cell(measure(|m| m.chamfer_percent), 2),
+                    cell(mean(cpu_seconds), 0),
+                ]);
+            }
         }
         table
     }
@@ -144,6 +168,8 @@ impl Table1 {
             "sequence",
             "orientation_error_deg",
             "location_error_percent",
+            "aligned_orientation_error_deg",
+            "aligned_location_error_percent",
             "depth_error",
             "density",
             "silhouette_iou",
@@ -169,6 +195,8 @@ impl Table1 {
                     sequence.clone(),
                     cell(m.orientation_error_deg, 4),
                     cell(m.location_error_percent, 4),
+                    cell(m.aligned_orientation_error_deg, 4),
+                    cell(m.aligned_location_error_percent, 4),
                     cell(m.depth_error, 5),
                     cell(m.density, 4),
                     cell(m.silhouette_iou, 4),
