@@ -66,10 +66,15 @@ pub(super) fn descend(
     'levels: for &level in route.levels {
         objective.set_level(level)?;
         descent.termination = Termination::StepLimit;
+        let mut course = Course::new(options.tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
             objective.update_visibility()?;
             let before = objective.evaluate()?.total;
+            if !placing && !course.progresses(before) {
+                descent.termination = Termination::Converged;
+                break;
+            }
             let moved = if placing {
                 &[Block::Target]
             } else {
@@ -141,8 +146,54 @@ pub(super) fn descend(
     Ok(descent)
 }
 
+/// The objective at the start of each step, under its own visibility: a call lowers it for the visibility that it began
+/// with, and the renewal may undo that, over and over.
+struct Course {
+    tolerance: f64,
+    lowest: f64,
+    steps_since: usize,
+}
+
+impl Course {
+    /// So many steps in a row that do not go below the lowest are enough.
+    const PATIENCE: usize = 2;
+
+    fn new(tolerance: f64) -> Self {
+        Self {
+            tolerance,
+            lowest: f64::INFINITY,
+            steps_since: 0,
+        }
+    }
+
+    /// Notes the next step's objective; false if the last ones were no progress.
+    fn progresses(&mut self, objective: f64) -> bool {
+        self.steps_since = match objective < (1.0 - self.tolerance) * self.lowest {
+            true => 0,
+            false => self.steps_since + 1,
+        };
+        self.lowest = self.lowest.min(objective);
+        self.steps_since < Self::PATIENCE
+    }
+}
+
 /// x̄ of Eq. 8.
 fn mean_point(points: &[f64]) -> Vector3<f64> {
     let sum: Vector3<f64> = points.chunks_exact(3).map(Vector3::from_column_slice).sum();
     sum / (points.len() / 3) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_steps_without_a_new_lowest_objective_are_enough() {
+        let mut course = Course::new(1e-3);
+        assert!(course.progresses(10.0));
+        assert!(course.progresses(11.0), "the first one without");
+        assert!(course.progresses(9.0), "a new lowest");
+        assert!(course.progresses(8.999), "lower, but by less than the tolerance");
+        assert!(!course.progresses(9.5));
+    }
 }
