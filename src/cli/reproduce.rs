@@ -124,11 +124,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         args.natural.is_empty() && args.real_input.is_empty() || args.what == What::Table1,
         "--natural, --real-input: only table1 takes further sequences; leave them out"
     );
-    let named = |folders: &[PathBuf], kind| {
+    let named = |folders: &[PathBuf], kind, suffix: &'static str| {
         let source = move |folder: &PathBuf| {
             let name = folder.file_name().unwrap_or_default();
             Source {
-                name: name.to_string_lossy().into_owned(),
+                name: name.to_string_lossy().into_owned() + suffix,
                 folder: folder.clone(),
                 kind,
                 scene: None,
@@ -137,8 +137,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         folders.iter().map(source).collect::<Vec<_>>()
     };
     let mut all = rendered.clone();
-    all.extend(named(&args.real_input, Kind::RenderedRealInput));
-    all.extend(named(&args.natural, Kind::Natural));
+    all.extend(named(&args.real_input, Kind::RenderedRealInput, "-real-input"));
+    all.extend(named(&args.natural, Kind::Natural, ""));
     match args.what {
         What::Table1 => {
             let table = study::table1(with_kind(&all, effort), &jobs, effort)?;
