@@ -204,6 +204,34 @@ fn a_colmap_model_is_judged_like_a_result() {
     assert_eq!(workspace["input"]["frames"].as_array().unwrap().len(), 4);
     let location =
         |errors: &Value, column: &str| errors[column]["location_error_percent"]["mean"].as_f64().unwrap();
+    // Imported with the truth, it is its own measure.
+    let import = |truth: &str, out: &str| {
+        let mut command = Command::cargo_bin("spba-ceres").unwrap();
+        command.arg("import").arg(path("workspace"));
+        command
+            .args(["--truth".as_ref(), path(truth).as_os_str()])
+            .args(["--out".as_ref(), path(out).as_os_str()]);
+        command.assert()
+    };
+    import("truth", "imported").success();
+    let imported = json(&mut eval(&[
+        &path("imported"),
+        Path::new("--truth"),
+        &path("imported"),
+    ]));
+    let errors = |errors: &Value| {
+        errors["input"]["location_error_percent"]["mean"]
+            .as_f64()
+            .unwrap()
+    };
+    assert!((errors(&imported) - errors(&workspace)).abs() < 1e-6);
+    let without = import("workspace", "never").failure();
+    let message = String::from_utf8(without.get_output().stderr.clone()).unwrap();
+    assert!(
+        message.contains("[truth] is missing; name a rendered sequence"),
+        "{message}"
+    );
+    assert!(!path("never").exists());
     // Frame 0 is right and aligned exactly; the scale is fitted, so the rest can only come closer.
     assert!(location(&workspace, "input") <= location(&result, "result"));
     assert!(location(&workspace, "input") > 0.5 * location(&result, "result"));
