@@ -11,6 +11,8 @@ use spba_ceres::sequence::{Frame, Sequence, Truth};
 use spba_ceres::solver::{Evaluations, ObjectiveValue, Solution, Termination};
 use std::path::Path;
 
+mod fixture;
+
 fn eval(arguments: &[&Path]) -> Command {
     let mut command = Command::cargo_bin("spba-ceres").unwrap();
     command.arg("eval").args(arguments);
@@ -235,6 +237,41 @@ fn a_colmap_model_is_judged_like_a_result() {
     // Frame 0 is right and aligned exactly; the scale is fitted, so the rest can only come closer.
     assert!(location(&workspace, "input") <= location(&result, "result"));
     assert!(location(&workspace, "input") > 0.5 * location(&result, "result"));
+}
+
+#[test]
+fn openmvs_depth_is_judged_with_its_colmap_workspace() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    fixture::workspace(&path("workspace"));
+    fixture::openmvs(&path("openmvs"), 5, 0.0);
+    // The truth is half as large, and everywhere 0.01 further away than openMVS says.
+    let mut sequence = spba_ceres::sequence::load(&path("workspace"), &Default::default()).unwrap();
+    sequence.truth = Some(Truth {
+        camera_from_object: (0..3)
+            .map(|frame| Pose {
+                translation: -0.5 * Vector3::from(fixture::center(frame)),
+                ..Pose::identity()
+            })
+            .collect(),
+        depth: (0..3)
+            .map(|_| {
+                Grid::from_fn(fixture::WIDTH, fixture::HEIGHT, |column, _| {
+                    (0.5 * (fixture::PLANE + 1e-3 * column as f64) + 0.01) as f32
+                })
+            })
+            .collect(),
+        shape: vec![[0.0; 3]],
+    });
+    spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
+    let mut command = eval(&[&path("workspace"), Path::new("--truth"), &path("truth")]);
+    let errors = &json(command.arg("--depth").arg(path("openmvs")))["input"];
+    assert!(errors["location_error_percent"]["max"].as_f64().unwrap() < 1e-6);
+    assert!(
+        (errors["depth_error"].as_f64().unwrap() - 0.01).abs() < 1e-5,
+        "{errors}"
+    );
+    assert!((errors["density_mean"].as_f64().unwrap() - 1.0).abs() < 1e-9);
 }
 
 #[test]
