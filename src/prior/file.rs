@@ -17,6 +17,11 @@ const METADATA_KEY: &str = "spba_prior";
 /// Priors that ship inside the library.
 const BUNDLED: [(&str, &[u8]); 1] = [("car", include_bytes!("../../data/priors/car.safetensors"))];
 
+/// The files of the bundled priors.
+pub(crate) fn bundled() -> impl Iterator<Item = &'static [u8]> {
+    BUNDLED.into_iter().map(|(_, bytes)| bytes)
+}
+
 /// What a prior file says of itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PriorInfo {

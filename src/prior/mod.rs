@@ -9,6 +9,7 @@ mod linear;
 mod sheet;
 
 pub use evaluate::{FitError, chamfer, leave_one_out, points_of};
+pub(crate) use file::bundled;
 pub use file::{PriorError, PriorInfo, PriorSource, Symmetry, find, load, open, save};
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use linear::{InvalidPrior, LinearPrior};

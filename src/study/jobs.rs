@@ -1,6 +1,7 @@
 //! Jobs that run side by side, each with a record that outlives an interruption.
 
 use super::{StudyError, write_text};
+use crate::prior::bundled;
 use crate::solver::TraceRow;
 use include_dir::{Dir, DirEntry, include_dir};
 use rayon::prelude::*;
@@ -22,10 +23,12 @@ static RUST: Dir = include_dir!("$CARGO_MANIFEST_DIR/src");
 static CPP: Dir = include_dir!("$CARGO_MANIFEST_DIR/cpp");
 const DEPENDENCIES: &[u8] = include_bytes!("../../Cargo.lock");
 
-/// Sources that only name, show and write what the others found.
-const PRESENTATION: [&str; 9] = [
+/// Sources that make inputs, or only name, show and write what the others found.
+const WITHOUT_SAY: [&str; 11] = [
+    "cad",
     "cli",
     "main.rs",
+    "prior/learn",
     "study/ablation.rs",
     "study/fig6.rs",
     "study/fig7.rs",
@@ -40,7 +43,7 @@ fn build() -> u64 {
     fn add(folder: &Dir, hasher: &mut DefaultHasher) {
         for entry in folder.entries() {
             match entry {
-                _ if PRESENTATION.iter().any(|path| entry.path() == Path::new(path)) => {}
+                _ if WITHOUT_SAY.iter().any(|path| entry.path() == Path::new(path)) => {}
                 DirEntry::Dir(folder) => add(folder, hasher),
                 DirEntry::File(file) => (file.path(), file.contents()).hash(hasher),
             }
@@ -49,6 +52,7 @@ fn build() -> u64 {
     let mut hasher = DefaultHasher::new();
     add(&RUST, &mut hasher);
     add(&CPP, &mut hasher);
+    bundled().for_each(|prior| prior.hash(&mut hasher));
     (DEPENDENCIES, cfg!(debug_assertions)).hash(&mut hasher);
     hasher.finish()
 }
