@@ -150,7 +150,14 @@ impl Reader<'_> {
                 Some("kids") => {
                     let kids = self.lines.numbers::<usize>(&words[1..], 1)?[0];
                     for _ in 0..kids {
-                        let line = self.lines.next().unwrap_or_default();
+                        // Some files of FlightGear announce more than they have.
+                        let Some(line) = self.lines.next() else {
+                            tracing::warn!(
+                                "{}",
+                                self.lines.error("the file ends before the last of the kids")
+                            );
+                            return Ok(());
+                        };
                         let words = split_quoted(&line);
                         if words.first().is_none_or(|w| w != "OBJECT") {
                             return Err(self.lines.error("fewer OBJECT blocks than kids announces"));
@@ -183,7 +190,10 @@ impl Reader<'_> {
     fn surface(&mut self, words: &[String], object: &Object) -> Result<(), CadError> {
         let flags = words
             .get(1)
-            .and_then(|w| u32::from_str_radix(w.trim_start_matches("0x"), 16).ok())
+            .and_then(|w| {
+                let digits = w.strip_prefix("0x").or_else(|| w.strip_prefix("0X"));
+                u32::from_str_radix(digits.unwrap_or(w), 16).ok()
+            })
             .ok_or_else(|| self.lines.error("SURF needs hexadecimal flags"))?;
         let mut material = 0;
         loop {

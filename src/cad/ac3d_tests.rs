@@ -52,6 +52,16 @@ fn strips_keep_one_orientation_and_lines_and_lights_are_skipped() {
 }
 
 #[test]
+fn what_flightgear_s_files_do_is_read() {
+    let mesh = parse(&format!(
+        "{HEAD}OBJECT world\nkids 2\nOBJECT poly\nnumvert 3\n0 0 0\n1 0 0\n0 1 0\n\
+         numsurf 1\nSURF 0X20\nmat 0\nrefs 3\n0 0 0\n1 0 0\n2 0 0\nkids 0\n"
+    ))
+    .unwrap();
+    assert_eq!(mesh.triangles.len(), 1);
+}
+
+#[test]
 fn damage_is_an_error_with_its_line() {
     let message = parse(&format!(
         "{HEAD}OBJECT world\nkids 1\nOBJECT poly\nnumvert 1\n0 0 0\nnumsurf 1\nSURF 0x10\nmat 0\nrefs 1\n5 0 0\nkids 0\n"
