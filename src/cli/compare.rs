@@ -106,7 +106,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "comparison": comparison,
     });
     let (summary, out) = (comparison.summary(), &args.out);
-    study::write_text(&out.join("compare.json"), &serde_json::to_string_pretty(&record)?)?;
+    study::write_text(&out.join("compare.json"), &serde_json::to_string(&record)?)?;
     study::write_text(&out.join("compare.csv"), &comparison.details().csv())?;
     study::write_text(&out.join("compare.md"), &summary.markdown())?;
     print!("{}", summary.text());

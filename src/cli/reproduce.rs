@@ -299,7 +299,7 @@ fn write<T: Serialize>(
     let out = &args.out;
     study::write_text(
         &out.join(format!("{name}.json")),
-        &serde_json::to_string_pretty(&record)?,
+        &serde_json::to_string(&record)?,
     )?;
     study::write_text(&out.join(format!("{name}.csv")), &details.csv())?;
     if let Some(summary) = summary {

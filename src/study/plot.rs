@@ -4,7 +4,10 @@ use super::{StudyError, write_text};
 use plotters::prelude::*;
 use std::path::Path;
 
-const SIZE_PX: (u32, u32) = (720, 440);
+const SIZE_PX: (u32, u32) = (620, 440);
+/// Of the legend beside it: for the sample and the margins, and per letter.
+const LEGEND_PX: [usize; 2] = [48, 7];
+const LEGEND_LINE_PX: i32 = 19;
 const FONT: &str = "sans-serif";
 
 /// Lines over common axes.
@@ -62,7 +65,9 @@ impl<'a> Axis<'a> {
             0.0 => "0".to_owned(),
             size if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
             _ => {
-                let digits = format!("{value:.3}");
+                // Three digits that count.
+                let place = 10f64.powi(value.abs().log10().floor() as i32 - 2);
+                let digits = format!("{:.5}", (value / place).round() * place);
                 digits.trim_end_matches('0').trim_end_matches('.').to_owned()
             }
         }
@@ -94,7 +99,10 @@ impl Chart<'_> {
         };
         let mut svg = String::new();
         {
-            let area = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
+            let longest = self.lines.iter().map(|line| line.label.chars().count()).max();
+            let legend = LEGEND_PX[0] + LEGEND_PX[1] * longest.unwrap_or(0);
+            let size = (SIZE_PX.0 + legend as u32, SIZE_PX.1);
+            let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
             self.draw(&area, &lines, span(|p| p.0), span(|p| p.1))
                 .map_err(|reason| StudyError::Plot {
                     path: path.to_owned(),
@@ -113,7 +121,9 @@ impl Chart<'_> {
     ) -> Result<(), String> {
         let failed = |error: DrawingAreaErrorKind<_>| error.to_string();
         area.fill(&WHITE).map_err(failed)?;
-        let mut chart = ChartBuilder::on(area)
+        // Beside the chart, where it hides no line.
+        let (plot, legend) = area.split_horizontally(SIZE_PX.0);
+        let mut chart = ChartBuilder::on(&plot)
             .caption(self.title, (FONT, 17))
             .margin(12)
             .x_label_area_size(42)
@@ -132,7 +142,7 @@ impl Chart<'_> {
             .map_err(failed)?;
         for (index, (line, points)) in self.lines.iter().zip(lines).enumerate() {
             let colour = Palette99::pick(index).to_rgba();
-            let series = match line.joined {
+            match line.joined {
                 true => chart
                     .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2)))
                     .map_err(failed)?,
@@ -140,17 +150,12 @@ impl Chart<'_> {
                     .draw_series(points.iter().map(|&at| Circle::new(at, 3, colour.filled())))
                     .map_err(failed)?,
             };
-            series
-                .label(&line.label)
-                .legend(move |(x, y)| Rectangle::new([(x, y - 2), (x + 16, y + 2)], colour.filled()));
+            let top = 44 + LEGEND_LINE_PX * index as i32;
+            let sample = Rectangle::new([(8, top + 4), (24, top + 8)], colour.filled());
+            legend.draw(&sample).map_err(failed)?;
+            let label = Text::new(line.label.clone(), (32, top), (FONT, 13));
+            legend.draw(&label).map_err(failed)?;
         }
-        chart
-            .configure_series_labels()
-            .background_style(WHITE.mix(0.85))
-            .border_style(BLACK.mix(0.2))
-            .label_font((FONT, 13))
-            .draw()
-            .map_err(failed)?;
         area.present().map_err(failed)
     }
 }
