@@ -89,6 +89,7 @@ fn every_table_and_figure_is_made_and_records_are_kept() {
 fn what_cannot_be_reproduced_is_one_clear_error() {
     let home = tempfile::tempdir().unwrap();
     let path = |name: &str| home.path().join(name).to_str().unwrap().to_owned();
+    let bundled = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/data/sequences/car"));
     std::fs::write(home.path().join("list.toml"), "frames = []\n").unwrap();
     let refused = |arguments: &[&str]| {
         let assert = Command::cargo_bin("spba-ceres")
@@ -106,5 +107,17 @@ fn what_cannot_be_reproduced_is_one_clear_error() {
     assert!(refused(&["fig7", "--benchmark", &path("list.toml")]).contains("list.toml"));
     assert!(!home.path().join("results").exists(), "nothing half-written");
     assert!(refused(&["fig7", "--frames", "1"]).contains("--frames 1: no sequence"));
+    let missing = path("missing");
+    assert!(refused(&["table1", "--quick", "--natural", &missing]).contains("missing"));
+    // A sequence without truth: what `import` makes without --truth.
+    let mut sequence = spba_ceres::sequence::load(bundled, &Default::default()).unwrap();
+    sequence.truth = None;
+    let plain = home.path().join("plain");
+    spba_ceres::sequence::write(&sequence, &plain).unwrap();
+    let message = refused(&["table1", "--quick", "--real-input", plain.to_str().unwrap()]);
+    assert!(
+        message.contains("no [truth]; make it with spba-ceres import --truth"),
+        "{message}"
+    );
     assert!(refused(&["fig8", "--quick", "--natural", "x"]).contains("only table1 takes further sequences"));
 }

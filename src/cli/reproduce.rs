@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use spba_ceres::cad::scene::{self, Benchmark, Scene};
 use spba_ceres::sequence::{self, FrameWindow, LoadOptions};
-use spba_ceres::study::{self, Effort, Jobs, Kind, StudyError, Subject, Table};
+use spba_ceres::study::{self, Effort, Jobs, SequenceKind, StudyError, Subject, Table};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 
@@ -88,7 +88,7 @@ struct SourceRecord<'a> {
 struct Source {
     name: String,
     folder: PathBuf,
-    kind: Kind,
+    kind: SequenceKind,
     scene: Option<Scene>,
 }
 
@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         None => vec![Source {
             name: "car".to_owned(),
             folder: PathBuf::from(BUNDLED),
-            kind: Kind::Rendered,
+            kind: SequenceKind::Rendered,
             scene: None,
         }],
     };
@@ -136,9 +136,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         };
         folders.iter().map(source).collect::<Vec<_>>()
     };
+    let real_input = named(&args.real_input, SequenceKind::RenderedRealInput, "-real-input");
+    let natural = named(&args.natural, SequenceKind::Natural, "");
+    // Now, not after the hours that those before them take.
+    for source in real_input.iter().chain(&natural) {
+        let subject = Subject::load(&source.name, &source.folder, load_options(effort))?;
+        anyhow::ensure!(
+            source.kind == SequenceKind::Natural || subject.sequence.truth.is_some(),
+            "--real-input {}: no [truth]; make it with spba-ceres import --truth",
+            source.folder.display()
+        );
+    }
     let mut all = rendered.clone();
-    all.extend(named(&args.real_input, Kind::RenderedRealInput, "-real-input"));
-    all.extend(named(&args.natural, Kind::Natural, ""));
+    all.extend(real_input);
+    all.extend(natural);
     match args.what {
         What::Table1 => {
             let table = study::table1(with_kind(&all, effort), &jobs, effort)?;
@@ -237,7 +248,7 @@ fn render(args: &Args, benchmark: &Benchmark) -> anyhow::Result<Vec<Source>> {
             sources.push(Source {
                 name: full_name,
                 folder,
-                kind: Kind::Rendered,
+                kind: SequenceKind::Rendered,
                 scene: Some(scene),
             });
         }
@@ -256,7 +267,7 @@ fn lazily(sources: &[Source], effort: Effort) -> impl Iterator<Item = Result<Sub
 fn with_kind(
     sources: &[Source],
     effort: Effort,
-) -> impl Iterator<Item = (Kind, Result<Subject, StudyError>)> {
+) -> impl Iterator<Item = (SequenceKind, Result<Subject, StudyError>)> {
     let kinds = sources.iter().map(|source| source.kind);
     kinds.zip(lazily(sources, effort))
 }

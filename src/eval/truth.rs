@@ -28,7 +28,7 @@ pub struct TruthErrors {
     pub orientation_error_deg: Option<MeanMax>,
     pub location_error_percent: Option<MeanMax>,
     /// The same two after the first camera is given and the scale fitted (Eq. 8), as the paper judges methods without an
-    /// object frame: what is left when the frame's own error is forgiven.
+    /// object frame: what is left when the frame's own error is forgiven. The first camera's 0 counts in the means.
     pub aligned_orientation_error_deg: Option<MeanMax>,
     pub aligned_location_error_percent: Option<MeanMax>,
     pub depth_error: Option<f64>,

@@ -60,8 +60,8 @@ fn beside_points(visible: &Visibility, frame: &Frame) -> Vec<(u32, (usize, usize
             let inverse_depth = known(frame, pixel)?;
             let lone = window(pixel, REACH)
                 .filter(|&(_, neighbour)| known(frame, neighbour).is_some())
-                .count()
-                == 1;
+                .nth(1)
+                .is_none();
             let (offset, point) = nearest(pixel).filter(|_| lone)?;
             (offset != (0, 0)).then_some((point, pixel, inverse_depth))
         })

@@ -24,11 +24,10 @@ static CPP: Dir = include_dir!("$CARGO_MANIFEST_DIR/cpp");
 const DEPENDENCIES: &[u8] = include_bytes!("../../Cargo.lock");
 
 /// Sources that make inputs, or only name, show and write what the others found.
-const WITHOUT_SAY: [&str; 11] = [
+const WITHOUT_SAY: [&str; 10] = [
     "cad",
     "cli",
     "main.rs",
-    "prior/learn",
     "study/ablation.rs",
     "study/fig6.rs",
     "study/fig7.rs",

@@ -31,7 +31,7 @@ pub use method::{Effort, Method};
 pub use perturbed::{perturbed_pose, perturbed_start};
 pub use subject::{Run, Start, Subject};
 pub use table::Table;
-pub use table1::{Kind, Table1, table1};
+pub use table1::{SequenceKind, Table1, table1};
 
 use std::path::{Path, PathBuf};
 

@@ -239,6 +239,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn ticks_have_three_digits_that_count() {
+        let name = |value: f64| Axis::linear("x").name(&value);
+        let names = [15848.932, 0.25, -3.0, 0.0, 1e-5].map(name);
+        assert_eq!(names, ["15800", "0.25", "-3", "0", "1.0e-5"]);
+        assert_eq!(Axis::logarithmic("x").name(&2.0), "100");
+    }
+
+    #[test]
     fn a_chart_names_its_axes_and_lines_and_leaves_out_what_has_no_place() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.svg");

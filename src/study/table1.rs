@@ -18,7 +18,7 @@ pub struct Row {
 /// What a sequence and its off-the-shelf poses and depth are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum SequenceKind {
     /// Rendered; poses and depth are the truth with noise, holes and outliers.
     Rendered,
     /// Rendered; poses and depth are what a real tool made of the images.
@@ -27,7 +27,7 @@ pub enum Kind {
     Natural,
 }
 
-impl Kind {
+impl SequenceKind {
     const ALL: [Self; 3] = [Self::Rendered, Self::RenderedRealInput, Self::Natural];
 
     fn label(self) -> &'static str {
@@ -43,7 +43,7 @@ impl Kind {
 #[derive(Clone, Debug, Serialize)]
 pub struct Entry {
     pub sequence: String,
-    pub kind: Kind,
+    pub kind: SequenceKind,
     pub measures: Measures,
     /// Of a solve.
     pub run: Option<Run>,
@@ -57,7 +57,7 @@ pub struct Table1 {
 
 /// Runs what is missing, sequence by sequence, and collects the table.
 pub fn table1<'s>(
-    subjects: impl IntoIterator<Item = (Kind, Result<Subject, StudyError>)> + 's,
+    subjects: impl IntoIterator<Item = (SequenceKind, Result<Subject, StudyError>)> + 's,
     jobs: &Jobs,
     effort: Effort,
 ) -> Result<Table1, StudyError> {
@@ -129,7 +129,7 @@ impl Table1 {
             "Chamfer, %",
             "CPU s",
         ]);
-        for kind in Kind::ALL {
+        for kind in SequenceKind::ALL {
             for row in &self.rows {
                 let entries: Vec<&Entry> = row.entries.iter().filter(|entry| entry.kind == kind).collect();
                 if entries.is_empty() {
