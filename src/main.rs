@@ -3,5 +3,7 @@
 mod cli;
 
 fn main() -> std::process::ExitCode {
+    // A reader that has seen enough (`… | head`) ends the program quietly; Rust's default is a panic.
+    sigpipe::reset();
     cli::run()
 }

@@ -120,18 +120,22 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
         );
     }
     let (list, models) = args.models.load()?;
+    let refuse_styles = |possible: usize| {
+        anyhow::ensure!(
+            args.styles <= possible,
+            "--styles {}: {} models give at most {possible}",
+            args.styles,
+            models.len()
+        );
+        Ok(())
+    };
+    // Before the minutes that correspondences take; like models give fewer still.
+    refuse_styles(models.len().saturating_sub(1))?;
     let shapes = args.models.sample(&models, 1, 0);
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
     let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, found.normals, args.styles)?;
-    if explained.len() < args.styles {
-        bail!(
-            "--styles {}: {} models give at most {}",
-            args.styles,
-            models.len(),
-            explained.len()
-        );
-    }
+    refuse_styles(explained.len())?;
     let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
     licences.sort();
     licences.dedup();
