@@ -24,5 +24,6 @@ pub mod prior;
 pub mod report;
 pub mod sequence;
 pub mod solver;
+pub(crate) mod sources;
 pub mod study;
 pub mod visibility;

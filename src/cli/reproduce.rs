@@ -102,9 +102,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         true => None,
         false => Some(Benchmark::load(&args.benchmark)?),
     };
-    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let watch = StudyWatch::start()?;
-    let jobs = Jobs::new(&args.cache.join("records"), &watch)?;
     let rendered = match &benchmark {
         Some(benchmark) => render(args, benchmark)?,
         None => vec![Source {
@@ -147,6 +144,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             source.folder.display()
         );
     }
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let watch = StudyWatch::start()?;
+    let jobs = Jobs::new(&args.cache.join("records"), &watch)?;
     let mut all = rendered.clone();
     all.extend(real_input);
     all.extend(natural);
@@ -235,9 +235,9 @@ fn render(args: &Args, benchmark: &Benchmark) -> anyhow::Result<Vec<Source>> {
         for name in benchmark.names() {
             let full_name = format!("{name}-{count}");
             let scene = benchmark.scene(name, count)?;
-            // A changed list must not find what an earlier one had rendered.
+            // A changed list, or renderer, must not find what an earlier one had rendered.
             let mut hasher = DefaultHasher::new();
-            serde_json::to_string(&scene)?.hash(&mut hasher);
+            (serde_json::to_string(&scene)?, scene::renderer_digest()).hash(&mut hasher);
             let folder = args
                 .cache
                 .join("rendered")

@@ -3,7 +3,7 @@
 use super::{StudyError, write_text};
 use crate::prior::bundled;
 use crate::solver::TraceRow;
-use include_dir::{Dir, DirEntry, include_dir};
+use crate::sources;
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -19,8 +19,6 @@ pub trait Watch: Sync {
     fn finished(&self, job: &str);
 }
 
-static RUST: Dir = include_dir!("$CARGO_MANIFEST_DIR/src");
-static CPP: Dir = include_dir!("$CARGO_MANIFEST_DIR/cpp");
 const DEPENDENCIES: &[u8] = include_bytes!("../../Cargo.lock");
 
 /// Sources that make inputs, or only name, show and write what the others found.
@@ -39,18 +37,10 @@ const WITHOUT_SAY: [&str; 10] = [
 
 /// Tells builds apart whose records could differ; a version number would not.
 fn build() -> u64 {
-    fn add(folder: &Dir, hasher: &mut DefaultHasher) {
-        for entry in folder.entries() {
-            match entry {
-                _ if WITHOUT_SAY.iter().any(|path| entry.path() == Path::new(path)) => {}
-                DirEntry::Dir(folder) => add(folder, hasher),
-                DirEntry::File(file) => (file.path(), file.contents()).hash(hasher),
-            }
-        }
-    }
     let mut hasher = DefaultHasher::new();
-    add(&RUST, &mut hasher);
-    add(&CPP, &mut hasher);
+    let counts = |path: &Path| !WITHOUT_SAY.iter().any(|without| path == Path::new(without));
+    sources::hash_rust(counts, &mut hasher);
+    sources::hash_cpp(&mut hasher);
     bundled().for_each(|prior| prior.hash(&mut hasher));
     (DEPENDENCIES, cfg!(debug_assertions)).hash(&mut hasher);
     hasher.finish()

@@ -14,7 +14,9 @@
 use super::super::CadError;
 use super::Scene;
 use crate::image::one_line;
+use crate::sources;
 use serde::Deserialize;
+use std::hash::{DefaultHasher, Hasher};
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -43,6 +45,15 @@ struct Entry {
     name: String,
     #[serde(default)]
     scene: Table,
+}
+
+/// Tells builds apart whose renderings of a scene could differ.
+pub fn renderer_digest() -> u64 {
+    const WITH_A_SAY: [&str; 4] = ["cad", "geometry", "image", "sequence"];
+    let mut hasher = DefaultHasher::new();
+    let counts = |path: &Path| WITH_A_SAY.iter().any(|folder| path.starts_with(folder));
+    sources::hash_rust(counts, &mut hasher);
+    hasher.finish()
 }
 
 impl Benchmark {

@@ -10,7 +10,7 @@ mod input;
 mod lighting;
 mod outside;
 
-pub use benchmark::Benchmark;
+pub use benchmark::{Benchmark, renderer_digest};
 pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput, Via};
 pub use lighting::Lighting;
 pub use outside::outside_points;
