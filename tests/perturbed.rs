@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use spba_ceres::config::Config;
 use spba_ceres::eval::{Estimated, TruthErrors, against_truth};
 use spba_ceres::init::Estimate;
-use spba_ceres::prior::{self, LinearPrior, ShapePrior};
+use spba_ceres::prior::{self, LearnedPrior, ShapePrior};
 use spba_ceres::report::Surface;
 use spba_ceres::sequence::{self, LoadOptions, Sequence};
 use spba_ceres::solver;
@@ -29,7 +29,7 @@ fn bundled(config: &Config) -> Sequence {
     sequence
 }
 
-fn errors(sequence: &Sequence, prior: &LinearPrior, estimate: &Estimate) -> TruthErrors {
+fn errors(sequence: &Sequence, prior: &LearnedPrior, estimate: &Estimate) -> TruthErrors {
     let surface = Surface::from_points(prior.shape(&estimate.style));
     let estimated = Estimated::of_estimate(sequence, &surface, estimate);
     against_truth(&estimated, sequence.truth.as_ref().unwrap())

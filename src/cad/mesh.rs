@@ -95,7 +95,7 @@ impl Mesh {
 }
 
 /// Lowest and highest corner of the box beyond each face of which 1 % of `outside` lies; `None` if that is empty.
-pub(super) fn body_box(outside: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vector3<f64>)> {
+pub(crate) fn body_box(outside: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let beyond = (BODY_BEYOND * outside.len() as f64) as usize;
     let last = outside.len().checked_sub(1 + beyond)?;
     let sorted: [Vec<f64>; 3] = std::array::from_fn(|axis| {

@@ -4,8 +4,8 @@ use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Deserialize;
 use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
-use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
-use spba_ceres::prior::{self, LinearPrior, PriorInfo, PriorSource};
+use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, augmented, correspond};
+use spba_ceres::prior::{self, InvalidPrior, LearnedPrior, LinearPrior, PriorInfo, PriorSource};
 use std::path::{Path, PathBuf};
 
 /// Learn, show and judge shape priors.
@@ -82,6 +82,9 @@ struct Models {
     /// Rounds of assigning to the template and averaging.
     #[arg(long, default_value_t = LearnOptions::default().passes)]
     passes: usize,
+    /// Learn from so many more shapes, mixed, stretched and bent out of the models.
+    #[arg(long, default_value_t = 0)]
+    augment: usize,
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -123,19 +126,21 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
     let refuse_styles = |possible: usize| {
         anyhow::ensure!(
             args.styles <= possible,
-            "--styles {}: {} models give at most {possible}",
+            "--styles {}: {} models and {} made of them give at most {possible}",
             args.styles,
-            models.len()
+            models.len(),
+            args.models.augment
         );
         Ok(())
     };
     // Before the minutes that correspondences take; like models give fewer still.
-    refuse_styles(models.len().saturating_sub(1))?;
+    refuse_styles((models.len() + args.models.augment).saturating_sub(1))?;
     let shapes = args.models.sample(&models, 1, 0);
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
-    let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, found.normals, args.styles)?;
+    let (prior, explained) = args.models.linear(&found.shapes, &found.normals, args.styles)?;
     refuse_styles(explained.len())?;
+    let prior = LearnedPrior::from(prior);
     let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
     licences.sort();
     licences.dedup();
@@ -145,7 +150,7 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
         explained_variance: explained,
         licences,
         sources: models.iter().map(source_of).collect(),
-        ..PriorInfo::linear_mirrored(&list.category, args.styles, args.points)
+        ..PriorInfo::mirrored(&list.category, &prior)
     };
     prior::save(&args.out, &prior, &info)?;
     bar.0.finish_and_clear();
@@ -165,7 +170,7 @@ impl Learn {
     fn command(&self) -> String {
         let m = &self.models;
         format!(
-            "spba-ceres prior learn --sources {} --out {} --styles {} --points {} --samples {} --coarse-points {} --passes {} --seed {}",
+            "spba-ceres prior learn --sources {} --out {} --styles {} --points {} --samples {} --coarse-points {} --passes {} --augment {} --seed {}",
             portable(&m.sources),
             portable(&self.out),
             self.styles,
@@ -173,6 +178,7 @@ impl Learn {
             m.samples,
             m.coarse_points,
             m.passes,
+            m.augment,
             m.seed
         )
     }
@@ -208,7 +214,12 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
     let groups = groups(&models, &list.near_duplicates)?;
-    let errors = prior::leave_one_out(&found, &truth, &groups, &args.styles, args.points)?;
+    let linear = |styles: usize| -> Box<prior::Learner> {
+        let (models, normals) = (&args.models, &found.normals);
+        Box::new(move |shapes| Ok(models.linear(shapes, normals, styles)?.0.into()))
+    };
+    let learners: Vec<_> = args.styles.iter().map(|&styles| linear(styles)).collect();
+    let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points)?;
     bar.0.finish_and_clear();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal",
@@ -219,10 +230,9 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         "{:>6}  {:>17}  {:>10}",
         "styles", "by correspondence", "by Chamfer"
     );
-    for row in &errors {
+    for (styles, row) in args.styles.iter().zip(&errors) {
         println!(
-            "{:>6}  {:>17.3}  {:>10.3}",
-            row.styles,
+            "{styles:>6}  {:>17.3}  {:>10.3}",
             100.0 * row.by_correspondence,
             100.0 * row.by_chamfer
         );
@@ -245,7 +255,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         (prior::Known::All, "all its points known"),
         (prior::Known::FromFrontRight, "those seen from its front right"),
     ] {
-        let errors = prior::frame_errors(&found, &groups, styles, args.points, known)?;
+        let errors = prior::frame_errors(&found, &groups, &linear(styles), args.points, known)?;
         print_frame_errors(&errors, words);
     }
     if args.each
@@ -360,6 +370,18 @@ impl Models {
         let shapes = models.iter().enumerate().map(shape).collect();
         bar.0.finish_and_clear();
         shapes
+    }
+
+    /// A linear prior of corresponded shapes and of those made of them.
+    fn linear(
+        &self,
+        shapes: &[Vec<f64>],
+        normals: &[[f32; 3]],
+        styles: usize,
+    ) -> Result<(LinearPrior, Vec<f64>), InvalidPrior> {
+        let mut shapes = shapes.to_vec();
+        shapes.extend(augmented(&shapes, self.augment, self.seed));
+        LinearPrior::from_correspondences(&shapes, normals.to_vec(), styles)
     }
 
     fn options(&self, points: usize) -> LearnOptions {

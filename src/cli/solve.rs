@@ -149,8 +149,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut sequence = read(&args.input, &config.input.load_options()?)?;
     let target = config.input.target_of(sequence.frames.len())?;
     sequence.bring_to_front(target);
-    let (linear, prior_info) = prior::open(&config.prior)?;
-    let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
+    let (learned, prior_info) = prior::open(&config.prior)?;
+    let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
     let mean_style = vec![0.0; prior.style_len()];
@@ -174,7 +174,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .seconds
         .insert(1, ("initialise".to_owned(), initialising_seconds));
 
-    let surface = Surface::from_points(linear.shape(&solution.estimate.style));
+    let surface = Surface::from_points(learned.shape(&solution.estimate.style));
     let written = report::write(
         &ReportInput {
             sequence: &sequence,

@@ -1,10 +1,9 @@
-//! How well a linear prior reconstructs shapes that it never saw: leave-one-out Chamfer error.
+//! How well a prior reconstructs shapes that it never saw: leave-one-out Chamfer error.
 
-use super::LinearPrior;
 use super::learn::{Correspondences, tree_of};
-use super::linear::InvalidPrior;
+use super::{InvalidPrior, LearnedPrior, ShapePrior};
 use crate::cad::OutsideSample;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
 use rayon::prelude::*;
 
 type V3 = Vector3<f64>;
@@ -17,17 +16,19 @@ const FIT_SAMPLES_PER_POINT: usize = 4;
 /// what the data tell.
 const FIT_RIDGE: f64 = 1e-5;
 
-/// Mean errors over the held-out shapes, in diagonals, with `styles` components.
+/// Errors of one way of learning over the held-out shapes, in diagonals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitError {
-    pub styles: usize,
-    /// s by projecting the held-out shape's corresponded points onto the modes.
+    /// Mean, s by least squares to the held-out shape's corresponded points.
     pub by_correspondence: f64,
-    /// s by minimising the Chamfer distance to the held-out shape's outside.
+    /// Mean, s by minimising the Chamfer distance to the held-out shape's outside.
     pub by_chamfer: f64,
     /// `by_chamfer` of every shape, in order.
     pub each: Vec<f64>,
 }
+
+/// Makes a prior of corresponded shapes.
+pub type Learner<'a> = dyn Fn(&[Vec<f64>]) -> Result<LearnedPrior, InvalidPrior> + Sync + 'a;
 
 /// ½ of both mean nearest-neighbour distances.
 pub fn chamfer(a: &[V3], b: &[V3]) -> f64 {
@@ -51,47 +52,45 @@ pub fn points_of(shape: &[f64], count: usize) -> Vec<V3> {
         .collect()
 }
 
-/// Leaves each shape out in turn, together with all of its `group` (near-duplicates), and reconstructs it from the rest
-/// at the first `points` points; errors are measured against `truth`, dense samples independent of those learned from.
+/// Leaves each shape out in turn, together with all of its `group` (near-duplicates), and reconstructs it with what each of
+/// `learners` makes of the rest, at the first `points` points; errors are measured against `truth`, dense samples independent of
+/// those learned from.
 ///
-/// The correspondences are those of the whole collection: what is left out is left out of mean and modes.
+/// The correspondences are those of the whole collection: what is left out is left out of learning from them.
 pub fn leave_one_out(
     correspondences: &Correspondences,
     truth: &[OutsideSample],
     group: &[usize],
-    styles: &[usize],
+    learners: &[Box<Learner>],
     points: usize,
 ) -> Result<Vec<FitError>, InvalidPrior> {
-    let most = styles.iter().copied().max().unwrap_or(0);
     let held: Vec<Vec<(f64, f64)>> = (0..truth.len())
         .into_par_iter()
         .map(|out| {
             let rest = rest_of(correspondences, group, out);
-            let (prior, _) = LinearPrior::from_correspondences(&rest, correspondences.normals.clone(), most)?;
+            let own = points_of(&correspondences.shapes[out], points);
             let stride = truth[out]
                 .points
                 .len()
                 .div_ceil(FIT_SAMPLES_PER_POINT * points)
                 .max(1);
             let target: Vec<V3> = truth[out].points.iter().step_by(stride).copied().collect();
-            let errors = styles.iter().map(|&count| {
-                let projected = project(&prior, &correspondences.shapes[out], count);
-                let fitted = fit(&prior, &target, count, points);
+            let errors = learners.iter().map(|learner| {
+                let prior = learner(&rest)?;
+                let corresponded = fit(&prior, points, 0.0, |_| own.iter().map(|&x| (x, 1.0)).collect());
+                let fitted = fit(&prior, points, FIT_RIDGE, nearest_both_ways(&target));
                 let error = |style: &[f64]| chamfer(&shape(&prior, style, points), &truth[out].points);
-                (error(&projected), error(&fitted))
+                Ok((error(&corresponded), error(&fitted)))
             });
-            Ok(errors.collect())
+            errors.collect()
         })
         .collect::<Result<_, InvalidPrior>>()?;
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
-    Ok(styles
-        .iter()
-        .enumerate()
-        .map(|(k, &styles)| {
-            let (projected, each): (Vec<f64>, Vec<f64>) = held.iter().map(|errors| errors[k]).unzip();
+    Ok((0..learners.len())
+        .map(|k| {
+            let (corresponded, each): (Vec<f64>, Vec<f64>) = held.iter().map(|errors| errors[k]).unzip();
             FitError {
-                styles,
-                by_correspondence: mean(&projected),
+                by_correspondence: mean(&corresponded),
                 by_chamfer: mean(&each),
                 each,
             }
@@ -105,82 +104,76 @@ pub(super) fn rest_of(correspondences: &Correspondences, group: &[usize], out: u
     others.map(|m| correspondences.shapes[m].clone()).collect()
 }
 
-/// The first `count` points of X(s), missing style entries being 0.
-fn shape(prior: &LinearPrior, style: &[f64], count: usize) -> Vec<V3> {
-    let styles = super::ShapePrior::style_len(prior);
-    let rows = prior.basis().chunks_exact(styles.max(1));
-    let coordinates: Vec<f64> = prior
-        .mean()
-        .iter()
-        .zip(rows)
-        .take(3 * count)
-        .map(|(mean, row)| mean + row.iter().zip(style).map(|(b, s)| b * s).sum::<f64>())
-        .collect();
-    coordinates.chunks_exact(3).map(V3::from_column_slice).collect()
+/// The first `count` points of X(s).
+fn shape(prior: &LearnedPrior, style: &[f64], count: usize) -> Vec<V3> {
+    let mut points = vec![0.0; 3 * count.min(prior.point_count())];
+    prior.points(style, &mut points);
+    points_of(&points, count)
 }
 
-/// The modes are orthogonal, so each entry stands alone.
-fn project(prior: &LinearPrior, shape: &[f64], count: usize) -> Vec<f64> {
-    let styles = super::ShapePrior::style_len(prior);
-    (0..count.min(styles))
-        .map(|k| {
-            let column = prior.basis().iter().skip(k).step_by(styles);
-            let (mut along, mut length) = (0.0, 1e-30);
-            for ((b, x), m) in column.zip(shape).zip(prior.mean()) {
-                along += b * (x - m);
-                length += b * b;
-            }
-            along / length
-        })
-        .collect()
-}
-
-/// Alternates nearest neighbours in both directions with least squares in the first `count` style entries.
-fn fit(prior: &LinearPrior, target: &[V3], count: usize, points: usize) -> Vec<f64> {
-    let styles = super::ShapePrior::style_len(prior);
-    let count = count.min(styles);
-    let mut style = vec![0.0; count];
-    if count == 0 {
-        return style;
-    }
+/// What pulls each point of a shape: the mean of the target's nearest point and of those of the target's points whose nearest
+/// it is, and how hard. The target is denser; both directions weigh the same, as in the Chamfer distance.
+fn nearest_both_ways(target: &[V3]) -> impl Fn(&[V3]) -> Vec<(V3, f64)> {
     let targets = tree_of(target);
-    // The target is denser; both directions weigh the same in the Chamfer distance.
-    let back = points as f64 / target.len().max(1) as f64;
-    for _ in 0..FIT_ROUNDS {
-        let current = shape(prior, &style, points);
-        let mut weight = vec![1.0; current.len()];
-        let mut goal: Vec<V3> = current
+    move |current| {
+        let back = current.len() as f64 / target.len().max(1) as f64;
+        let mut pulls: Vec<(V3, f64)> = current
             .iter()
-            .map(|&p| targets.nearest(p.into()).map_or(p, |n| target[n.index]))
+            .map(|&p| (targets.nearest(p.into()).map_or(p, |n| target[n.index]), 1.0))
             .collect();
-        let tree = tree_of(&current);
+        let tree = tree_of(current);
         for point in target {
             if let Some(near) = tree.nearest((*point).into()) {
-                goal[near.index] += point * back;
-                weight[near.index] += back;
+                let (sum, weight) = &mut pulls[near.index];
+                *sum += point * back;
+                *weight += back;
             }
         }
-        let mut normal = DMatrix::identity(count, count) * (FIT_RIDGE * current.len() as f64);
-        let mut right = DVector::zeros(count);
-        for (i, (goal, weight)) in goal.iter().zip(&weight).enumerate() {
-            for axis in 0..3 {
-                let row = 3 * i + axis;
-                let basis = DVector::from_column_slice(&prior.basis()[row * styles..row * styles + count]);
-                right.axpy(goal[axis] - weight * prior.mean()[row], &basis, 1.0);
-                normal.ger(*weight, &basis, &basis, 1.0);
-            }
+        for (sum, weight) in &mut pulls {
+            *sum /= *weight;
         }
-        let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else {
+        pulls
+    }
+}
+
+/// Gauss–Newton in the style towards where `pulls` draws the first `points` points, and how hard; these are renewed in every
+/// round; `ridge` is the weight of ‖s‖² a point.
+fn fit(prior: &LearnedPrior, points: usize, ridge: f64, pulls: impl Fn(&[V3]) -> Vec<(V3, f64)>) -> Vec<f64> {
+    let styles = prior.style_len();
+    let mut style = DVector::zeros(styles);
+    if styles == 0 {
+        return Vec::new();
+    }
+    let points = points.min(prior.point_count());
+    let mut jacobian = vec![0.0; 3 * points * styles];
+    for _ in 0..FIT_ROUNDS {
+        let current = shape(prior, style.as_slice(), points);
+        prior.jacobian(style.as_slice(), &mut jacobian);
+        let ridge = ridge * points as f64;
+        let mut normal = DMatrix::identity(styles, styles) * ridge;
+        let mut right = -ridge * &style;
+        let rows = jacobian.chunks_exact(styles);
+        let pulled = current
+            .iter()
+            .zip(pulls(&current))
+            .flat_map(|(x, (goal, weight))| <[f64; 3]>::from(goal - x).map(|residual| (residual, weight)));
+        for (row, (residual, weight)) in rows.zip(pulled) {
+            let row = DVectorView::from_slice(row, styles);
+            right.axpy(weight * residual, &row, 1.0);
+            normal.ger(weight, &row, &row, 1.0);
+        }
+        let Some(step) = normal.cholesky().map(|c| c.solve(&right)) else {
             break;
         };
-        style.copy_from_slice(solution.as_slice());
+        style += step;
     }
-    style
+    style.as_slice().to_vec()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prior::LinearPrior;
 
     #[test]
     fn chamfer_is_half_of_both_ways() {
@@ -234,7 +227,17 @@ mod tests {
             })
             .collect();
         let groups: Vec<usize> = (0..6).collect();
-        let found = leave_one_out(&correspondences, &truth, &groups, &[0, 1, 2], 600).unwrap();
+        let learners: Vec<Box<Learner>> = [0, 1, 2]
+            .map(|styles| {
+                let normals = correspondences.normals.clone();
+                let learner = move |shapes: &[Vec<f64>]| {
+                    let prior = LinearPrior::from_correspondences(shapes, normals.clone(), styles)?.0;
+                    Ok(LearnedPrior::from(prior))
+                };
+                Box::new(learner) as Box<Learner>
+            })
+            .into();
+        let found = leave_one_out(&correspondences, &truth, &groups, &learners, 600).unwrap();
         assert!(found[0].by_correspondence > 0.01 && found[1].by_correspondence > 1e-3);
         assert!(found[2].by_correspondence < 1e-6, "{found:?}");
         assert!(found[2].by_chamfer < 0.3 * found[0].by_chamfer, "{found:?}");

@@ -1,11 +1,14 @@
-//! The prior's file: safetensors with `mean` \[N, 3\] f32, `basis` \[S, N, 3\] f16, `normals` \[N, 3\] f16, and
-//! one metadata entry `spba_prior` holding [`PriorInfo`] as JSON. With `symmetry = "mirror_x"` the tensors hold every other
-//! point, and point 2i + 1 is point 2i reflected in x = 0.
+//! The prior's file: safetensors with `mean` \[N, 3\] f32, `basis` \[S + M, N, 3\] f16, `normals` \[N, 3\] f16, and
+//! one metadata entry `spba_prior` holding [`PriorInfo`] as JSON. A decoder's hidden layers k = 0, 1, … are `hidden.k.weight`
+//! \[outputs, inputs\] and `hidden.k.bias` \[outputs\], f32; M is the last one's outputs, 0 without. With
+//! `symmetry = "mirror_x"` the tensors over points hold every other one, and point 2i + 1 is point 2i reflected in x = 0.
 
-use super::LinearPrior;
-use super::linear::InvalidPrior;
+use super::ShapePrior;
+use super::learned::{Layer, LearnedPrior};
+use super::linear::{InvalidPrior, LinearPrior};
 use crate::geometry::OBJECT_FRAME;
 use half::f16;
+use nalgebra::{DMatrix, DVector};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
@@ -27,8 +30,7 @@ pub(crate) fn bundled() -> impl Iterator<Item = &'static [u8]> {
 pub struct PriorInfo {
     /// The layout's version.
     pub schema: u32,
-    /// `linear`.
-    pub kind: String,
+    pub kind: PriorKind,
     /// `car`, `chair` …
     pub category: String,
     /// The object frame in words: [`OBJECT_FRAME`].
@@ -36,6 +38,9 @@ pub struct PriorInfo {
     pub symmetry: Symmetry,
     /// S.
     pub styles: usize,
+    /// A decoder's hidden layers: how many outputs each has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub hidden: Vec<usize>,
     /// N.
     pub points: usize,
     /// The command that learned it.
@@ -56,6 +61,25 @@ pub struct PriorSource {
     /// The package it comes from.
     pub package: String,
     pub licence: String,
+}
+
+/// What stands between the style and the output layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PriorKind {
+    /// Nothing.
+    Linear,
+    /// Hidden layers.
+    Decoder,
+}
+
+impl std::fmt::Display for PriorKind {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::Linear => "linear",
+            Self::Decoder => "decoder",
+        })
+    }
 }
 
 /// How the file's points become the prior's.
@@ -97,7 +121,7 @@ pub enum PriorError {
     #[error("{}: tensor `{tensor}` {reason}: learn the prior again", path.display())]
     Tensor {
         path: PathBuf,
-        tensor: &'static str,
+        tensor: String,
         reason: String,
     },
     #[error("{}: {source}: learn the prior again", path.display())]
@@ -111,17 +135,17 @@ pub enum PriorError {
 }
 
 /// A bundled prior by its category (`car`), or the file that `name_or_path` points to.
-pub fn find(name_or_path: &str) -> Result<LinearPrior, PriorError> {
+pub fn find(name_or_path: &str) -> Result<LearnedPrior, PriorError> {
     open(name_or_path).map(|(prior, _)| prior)
 }
 
 /// Reads and checks a prior file.
-pub fn load(path: &Path) -> Result<LinearPrior, PriorError> {
+pub fn load(path: &Path) -> Result<LearnedPrior, PriorError> {
     open_file(path).map(|(prior, _)| prior)
 }
 
 /// Like [`find`], with what the file says of itself.
-pub fn open(name_or_path: &str) -> Result<(LinearPrior, PriorInfo), PriorError> {
+pub fn open(name_or_path: &str) -> Result<(LearnedPrior, PriorInfo), PriorError> {
     if let Some((name, bytes)) = BUNDLED.iter().find(|(name, _)| *name == name_or_path) {
         return parse(bytes, Path::new(name));
     }
@@ -136,7 +160,7 @@ pub fn open(name_or_path: &str) -> Result<(LinearPrior, PriorInfo), PriorError> 
     open_file(path)
 }
 
-fn open_file(path: &Path) -> Result<(LinearPrior, PriorInfo), PriorError> {
+fn open_file(path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorError> {
     let bytes = std::fs::read(path).map_err(|source| PriorError::Read {
         path: path.to_owned(),
         source,
@@ -145,7 +169,7 @@ fn open_file(path: &Path) -> Result<(LinearPrior, PriorInfo), PriorError> {
 }
 
 /// Writes `prior` beside `path`, then renames. The same prior and description give the same bytes.
-pub fn save(path: &Path, prior: &LinearPrior, info: &PriorInfo) -> Result<(), PriorError> {
+pub fn save(path: &Path, prior: &LearnedPrior, info: &PriorInfo) -> Result<(), PriorError> {
     let write = |source| PriorError::Write {
         path: path.to_owned(),
         source,
@@ -158,48 +182,81 @@ pub fn save(path: &Path, prior: &LinearPrior, info: &PriorInfo) -> Result<(), Pr
     Ok(())
 }
 
-fn to_bytes(prior: &LinearPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError> {
+fn to_bytes(prior: &LearnedPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError> {
     let stride = match info.symmetry {
         Symmetry::None => 1,
         Symmetry::MirrorX => 2,
     };
-    let (mean, basis, styles) = (prior.mean(), prior.basis(), info.styles);
+    let output = prior.output();
+    let (mean, basis, features) = (output.mean(), output.basis(), output.style_len());
     if info.symmetry == Symmetry::MirrorX {
         check_mirrored(mean, 1)?;
-        check_mirrored(basis, styles)?;
+        check_mirrored(basis, features)?;
     }
     let kept: Vec<usize> = (0..mean.len())
         .filter(|row| (row / 3).is_multiple_of(stride))
         .collect();
-    let mean: Vec<u8> = kept
-        .iter()
-        .flat_map(|&row| (mean[row] as f32).to_le_bytes())
-        .collect();
-    let normals: Vec<u8> = prior
-        .normals()
-        .iter()
-        .step_by(stride)
-        .flatten()
-        .flat_map(|&x| f16::from_f32(x).to_le_bytes())
-        .collect();
-    let basis: Vec<u8> = (0..styles)
-        .flat_map(|k| kept.iter().map(move |&row| basis[row * styles + k]))
-        .flat_map(|x| f16::from_f64(x).to_le_bytes())
-        .collect();
     let count = kept.len() / 3;
+    let normals = output.normals().iter().step_by(stride).flatten();
+    let basis = (0..features).flat_map(|k| kept.iter().map(move |&row| basis[row * features + k]));
+    let mut tensors: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = vec![
+        (
+            "mean".to_owned(),
+            Dtype::F32,
+            vec![count, 3],
+            single(kept.iter().map(|&row| mean[row])),
+        ),
+        (
+            "basis".to_owned(),
+            Dtype::F16,
+            vec![features, count, 3],
+            half(basis),
+        ),
+        (
+            "normals".to_owned(),
+            Dtype::F16,
+            vec![count, 3],
+            half(normals.map(|&x| f64::from(x))),
+        ),
+    ];
+    for (k, Layer { weight, bias }) in prior.hidden().iter().enumerate() {
+        let (weight_name, bias_name) = layer_names(k);
+        let rows = weight.transpose();
+        let shape = vec![weight.nrows(), weight.ncols()];
+        tensors.push((weight_name, Dtype::F32, shape, single(rows.iter().copied())));
+        tensors.push((
+            bias_name,
+            Dtype::F32,
+            vec![bias.len()],
+            single(bias.iter().copied()),
+        ));
+    }
     let invalid = |reason: String| PriorError::Tensor {
         path: PathBuf::new(),
-        tensor: "basis",
+        tensor: "basis".to_owned(),
         reason,
     };
-    let view = |dtype, shape, data| TensorView::new(dtype, shape, data).map_err(|e| invalid(e.to_string()));
-    let tensors = [
-        ("mean", view(Dtype::F32, vec![count, 3], &mean)?),
-        ("basis", view(Dtype::F16, vec![styles, count, 3], &basis)?),
-        ("normals", view(Dtype::F16, vec![count, 3], &normals)?),
-    ];
+    let views = tensors
+        .iter()
+        .map(|(name, dtype, shape, data)| {
+            let view = TensorView::new(*dtype, shape.clone(), data).map_err(|e| invalid(e.to_string()))?;
+            Ok((name, view))
+        })
+        .collect::<Result<Vec<_>, PriorError>>()?;
     let json = serde_json::to_string(info).map_err(|e| invalid(e.to_string()))?;
-    serialize(tensors, Some([(METADATA_KEY.to_owned(), json)].into())).map_err(|e| invalid(e.to_string()))
+    serialize(views, Some([(METADATA_KEY.to_owned(), json)].into())).map_err(|e| invalid(e.to_string()))
+}
+
+fn layer_names(k: usize) -> (String, String) {
+    (format!("hidden.{k}.weight"), format!("hidden.{k}.bias"))
+}
+
+fn single(numbers: impl Iterator<Item = f64>) -> Vec<u8> {
+    numbers.flat_map(|x| (x as f32).to_le_bytes()).collect()
+}
+
+fn half(numbers: impl Iterator<Item = f64>) -> Vec<u8> {
+    numbers.flat_map(|x| f16::from_f64(x).to_le_bytes()).collect()
 }
 
 /// Every odd point is the mirror image of the one before it; `columns` numbers per coordinate.
@@ -219,7 +276,7 @@ fn check_mirrored(rows: &[f64], columns: usize) -> Result<(), PriorError> {
     Ok(())
 }
 
-fn parse(bytes: &[u8], path: &Path) -> Result<(LinearPrior, PriorInfo), PriorError> {
+fn parse(bytes: &[u8], path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorError> {
     let broken = |reason: String| PriorError::NotSafetensors {
         path: path.to_owned(),
         reason,
@@ -229,9 +286,20 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LinearPrior, PriorInfo), PriorErr
     let info = info(header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY)), path)?;
     let mirrored = info.symmetry == Symmetry::MirrorX;
     let count = if mirrored { info.points / 2 } else { info.points };
-    let tensor = |name, shape: &[usize], dtype| numbers(&file, path, name, shape, dtype);
+    let tensor = |name: &str, shape: &[usize], dtype| numbers(&file, path, name, shape, dtype);
+    let mut hidden = Vec::new();
+    let mut width = info.styles;
+    for (k, &outputs) in info.hidden.iter().enumerate() {
+        let (weight, bias) = layer_names(k);
+        hidden.push(Layer {
+            weight: DMatrix::from_row_slice(outputs, width, &tensor(&weight, &[outputs, width], Dtype::F32)?),
+            bias: DVector::from_vec(tensor(&bias, &[outputs], Dtype::F32)?),
+        });
+        width = outputs;
+    }
+    let features = info.styles + info.hidden.last().copied().unwrap_or(0);
     let mean = tensor("mean", &[count, 3], Dtype::F32)?;
-    let modes = tensor("basis", &[info.styles, count, 3], Dtype::F16)?;
+    let modes = tensor("basis", &[features, count, 3], Dtype::F16)?;
     let normals = tensor("normals", &[count, 3], Dtype::F16)?;
     let expand = |values: &[f64]| -> Vec<f64> {
         values
@@ -253,8 +321,9 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LinearPrior, PriorInfo), PriorErr
         .chunks_exact(3)
         .map(|n| [n[0] as f32, n[1] as f32, n[2] as f32])
         .collect();
-    let prior =
-        LinearPrior::new(mean, basis, info.styles, normals).map_err(|source| PriorError::Invalid {
+    let prior = LinearPrior::new(mean, basis, features, normals)
+        .and_then(|output| LearnedPrior::new(info.styles, hidden, output))
+        .map_err(|source| PriorError::Invalid {
             path: path.to_owned(),
             source,
         })?;
@@ -281,8 +350,10 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
         None => return Err(wrong("has no schema number".to_owned())),
     }
     let info: PriorInfo = serde_json::from_value(value).map_err(|e| wrong(format!("is wrong: {e}")))?;
-    if info.kind != "linear" {
-        return Err(wrong(format!("has kind `{}`, only `linear` is known", info.kind)));
+    if (info.kind == PriorKind::Decoder) == info.hidden.is_empty() {
+        return Err(wrong(
+            "must name hidden layers if and only if its kind is decoder".to_owned(),
+        ));
     }
     if info.frame != OBJECT_FRAME {
         return Err(PriorError::Frame {
@@ -302,13 +373,13 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
 fn numbers(
     file: &SafeTensors,
     path: &Path,
-    name: &'static str,
+    name: &str,
     shape: &[usize],
     dtype: Dtype,
 ) -> Result<Vec<f64>, PriorError> {
     let wrong = |reason: String| PriorError::Tensor {
         path: path.to_owned(),
-        tensor: name,
+        tensor: name.to_owned(),
         reason,
     };
     let view = file.tensor(name).map_err(|_| wrong("is missing".to_owned()))?;
@@ -337,16 +408,21 @@ fn chunks<const B: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; B]> + '_ {
 }
 
 impl PriorInfo {
-    /// The description of a linear prior of this version in the canonical frame, mirrored.
-    pub fn linear_mirrored(category: &str, styles: usize, points: usize) -> Self {
+    /// The description of `prior`, mirrored, by this version in the canonical frame.
+    pub fn mirrored(category: &str, prior: &LearnedPrior) -> Self {
+        let hidden: Vec<usize> = prior.hidden().iter().map(|layer| layer.bias.len()).collect();
         Self {
             schema: SCHEMA,
-            kind: "linear".to_owned(),
+            kind: match hidden.is_empty() {
+                true => PriorKind::Linear,
+                false => PriorKind::Decoder,
+            },
             category: category.to_owned(),
             frame: OBJECT_FRAME.to_owned(),
             symmetry: Symmetry::MirrorX,
-            styles,
-            points,
+            styles: prior.style_len(),
+            hidden,
+            points: prior.point_count(),
             command: String::new(),
             seed: 0,
             explained_variance: Vec::new(),

@@ -5,7 +5,7 @@
 
 use super::evaluate::{points_of, rest_of};
 use super::learn::Correspondences;
-use super::{InvalidPrior, LinearPrior, ShapePrior};
+use super::{InvalidPrior, LearnedPrior, Learner, ShapePrior};
 use crate::cad::orbit;
 use crate::geometry::{Pinhole, Pose};
 use crate::visibility::{Surfels, visible_points};
@@ -48,12 +48,12 @@ fn front_right() -> Pose {
     orbit(35.0, 18.0, 1.7)
 }
 
-/// Leaves each shape out in turn with its `group`, and fits what the rest teach to the known ones of its first `points`
-/// corresponded points, by style and similarity at once.
+/// Leaves each shape out in turn with its `group`, and fits what `learner` makes of the rest to the known ones of its first
+/// `points` corresponded points, by style and similarity at once.
 pub fn frame_errors(
     correspondences: &Correspondences,
     group: &[usize],
-    styles: usize,
+    learner: &Learner,
     points: usize,
     known: Known,
 ) -> Result<Vec<FrameError>, InvalidPrior> {
@@ -61,8 +61,7 @@ pub fn frame_errors(
         .into_par_iter()
         .map(|out| {
             let rest = rest_of(correspondences, group, out);
-            let (prior, _) =
-                LinearPrior::from_correspondences(&rest, correspondences.normals.clone(), styles)?;
+            let prior = learner(&rest)?;
             let shape = points_of(&correspondences.shapes[out], points);
             let known = match known {
                 Known::All => vec![true; shape.len()],
@@ -95,7 +94,7 @@ fn seen(shape: &[V3], camera_from_object: &Pose) -> Vec<bool> {
 }
 
 /// Gauss–Newton on Σ |x − Rᵀ (X(s) − t) / scale|² + ridge ‖s‖², over the known points.
-fn place(prior: &LinearPrior, shape: &[V3], known: &[bool]) -> FrameError {
+fn place(prior: &LearnedPrior, shape: &[V3], known: &[bool]) -> FrameError {
     let styles = prior.style_len();
     let columns = 7 + styles;
     let mut found = FrameError {
@@ -105,9 +104,11 @@ fn place(prior: &LinearPrior, shape: &[V3], known: &[bool]) -> FrameError {
     };
     let mut style = DVector::zeros(styles);
     let mut model = vec![0.0; 3 * shape.len()];
+    let mut by_style = vec![0.0; model.len() * styles];
     let ridge = RIDGE * known.iter().filter(|&&known| known).count() as f64;
     for _ in 0..ROUNDS {
         prior.points(style.as_slice(), &mut model);
+        prior.jacobian(style.as_slice(), &mut by_style);
         let mut normal = DMatrix::zeros(columns, columns);
         let mut right = DVector::zeros(columns);
         let shape_from_model = found.rotation.inverse().matrix() / found.scale;
@@ -120,7 +121,7 @@ fn place(prior: &LinearPrior, shape: &[V3], known: &[bool]) -> FrameError {
             rows.view_mut((0, 1), (3, 3))
                 .copy_from(&(shape_from_model * from_origin.cross_matrix()));
             rows.view_mut((0, 4), (3, 3)).copy_from(&-shape_from_model);
-            let basis = &prior.basis()[3 * i * styles..3 * (i + 1) * styles];
+            let basis = &by_style[3 * i * styles..3 * (i + 1) * styles];
             let basis = nalgebra::DMatrixView::from_slice(basis, styles, 3).transpose();
             rows.view_mut((0, 7), (3, styles))
                 .copy_from(&(shape_from_model * basis));
@@ -145,6 +146,7 @@ fn place(prior: &LinearPrior, shape: &[V3], known: &[bool]) -> FrameError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prior::LinearPrior;
 
     fn blob(i: usize) -> V3 {
         let [a, b] = [0.618_034, 0.754_878].map(|g| (i as f64 * g).fract());
@@ -163,6 +165,7 @@ mod tests {
         let family = [0.9, 1.0, 1.1, 1.2].map(member);
         let normals = vec![[0.0, 1.0, 0.0]; 500];
         let (prior, _) = LinearPrior::from_correspondences(&family, normals, 1).unwrap();
+        let prior = LearnedPrior::from(prior);
         let truth = FrameError {
             scale: 0.97,
             rotation: Rotation3::from_scaled_axis(V3::new(0.02, -0.01, 0.03)),

@@ -1,7 +1,6 @@
 //! The linear prior: X(s) = mean + Σ s_k σ_k mode_k, the standard deviations folded into the basis.
 
 use super::ShapePrior;
-use super::learn::spacing;
 use nalgebra::Vector3;
 
 /// A mean shape and S modes over N points, object frame.
@@ -99,28 +98,9 @@ impl LinearPrior {
         &self.basis
     }
 
-    /// X(s) of all N points.
-    pub fn shape(&self, style: &[f64]) -> Vec<Vector3<f64>> {
-        let mut points = vec![0.0; self.mean.len()];
-        self.points(style, &mut points);
-        points.chunks_exact(3).map(Vector3::from_column_slice).collect()
-    }
-
     /// N outward unit normals of the mean shape.
     pub fn normals(&self) -> &[[f32; 3]] {
         &self.normals
-    }
-
-    /// How far apart the first `point_count` points lie on the mean shape: the median distance to the nearest
-    /// other point, object units. 0 below two points.
-    pub fn sample_spacing(&self, point_count: usize) -> f64 {
-        let points: Vec<Vector3<f64>> = self
-            .mean
-            .chunks_exact(3)
-            .take(point_count)
-            .map(Vector3::from_column_slice)
-            .collect();
-        spacing(&points)
     }
 }
 
@@ -189,13 +169,6 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn spacing_is_the_grid_s() {
-        assert!((small().sample_spacing(2) - 1.0).abs() < 1e-6);
-        assert!((small().sample_spacing(4) - 0.5).abs() < 1e-6);
-        assert_eq!(small().sample_spacing(1), 0.0);
-    }
-
-    #[test]
     fn arrays_that_do_not_fit_are_refused() {
         let normals = || vec![[0.0, 1.0, 0.0]];
         let refused = |mean: Vec<f64>, basis: Vec<f64>, normals| {
@@ -211,6 +184,8 @@ pub(super) mod tests {
     #[test]
     fn without_modes_there_is_the_mean() {
         let prior = LinearPrior::new(vec![1.0, 2.0, 3.0], vec![], 0, vec![[0.0, 1.0, 0.0]]).unwrap();
-        assert_eq!(prior.shape(&[]), [Vector3::new(1.0, 2.0, 3.0)]);
+        let mut points = [0.0; 3];
+        prior.points(&[], &mut points);
+        assert_eq!(points, [1.0, 2.0, 3.0]);
     }
 }

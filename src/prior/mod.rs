@@ -5,13 +5,15 @@ mod file;
 mod frame_error;
 mod glyphs;
 pub mod learn;
+mod learned;
 mod linear;
 mod sheet;
 
-pub use evaluate::{FitError, chamfer, leave_one_out, points_of};
+pub use evaluate::{FitError, Learner, chamfer, leave_one_out, points_of};
 pub(crate) use file::bundled;
-pub use file::{PriorError, PriorInfo, PriorSource, Symmetry, find, load, open, save};
+pub use file::{PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
 pub use frame_error::{FrameError, Known, frame_errors};
+pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
 pub use sheet::contact_sheet;
 

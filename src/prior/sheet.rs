@@ -1,6 +1,6 @@
 //! The contact sheet: the mean shape and each mode at ±2σ, drawn as shaded discs.
 
-use super::{LinearPrior, ShapePrior, glyphs};
+use super::{LearnedPrior, ShapePrior, glyphs};
 use crate::image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,7 +23,7 @@ const FRONT: (f64, f64) = (0.0, 0.0);
 
 /// Draws the first row: the mean from four sides; then a row a mode: −2σ from three quarters and the side, +2σ
 /// likewise. At most `modes` modes.
-pub fn contact_sheet(prior: &LinearPrior, modes: usize) -> RgbImage {
+pub fn contact_sheet(prior: &LearnedPrior, modes: usize) -> RgbImage {
     let modes = modes.min(prior.style_len());
     let row_height = CELL.1 + MARGIN;
     let mut sheet = RgbImage::filled(4 * CELL.0, row_height * (modes + 1), BACKGROUND);
@@ -84,7 +84,7 @@ fn viewer_from_object((azimuth, elevation): (f64, f64)) -> Matrix3<f64> {
 fn draw(
     sheet: &mut RgbImage,
     corner: (usize, usize),
-    prior: &LinearPrior,
+    prior: &LearnedPrior,
     style: &[f64],
     view: (f64, f64),
     radius: f64,
@@ -136,6 +136,7 @@ fn write(sheet: &mut RgbImage, left: usize, top: usize, text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prior::LinearPrior;
 
     #[test]
     fn from_the_front_the_viewer_s_right_is_the_car_s_left() {
@@ -153,7 +154,7 @@ mod tests {
     fn a_point_that_faces_the_viewer_hides_the_one_behind() {
         let mean = vec![0.0, 0.0, -0.1, 0.0, 0.0, -0.2];
         let normals = vec![[0.0, 0.0, -1.0], [0.0, -0.6, -0.8]];
-        let prior = LinearPrior::new(mean, vec![], 0, normals).unwrap();
+        let prior = LearnedPrior::from(LinearPrior::new(mean, vec![], 0, normals).unwrap());
         let sheet = contact_sheet(&prior, 3);
         assert_eq!(sheet.size(), (4 * CELL.0, CELL.1 + MARGIN));
         let centre = sheet[(3 * CELL.0 + CELL.0 / 2, MARGIN + CELL.1 / 2)];

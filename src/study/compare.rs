@@ -160,8 +160,8 @@ fn course(
     let Config {
         objective, solver, ..
     } = &method.config;
-    let linear = prior::find(&method.config.prior)?;
-    let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
+    let learned = prior::find(&method.config.prior)?;
+    let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let solution = solver::refine(sequence, &prior, start, objective, solver, observer)
         .map_err(|source| StudyError::Solve { name: name(), source })?;
     if solution.termination == Termination::Interrupted {
@@ -192,7 +192,7 @@ fn course(
         method: method.label.clone(),
         seed,
         stages,
-        measures: subject.measure(&linear, &estimate),
+        measures: subject.measure(&learned, &estimate),
     })
 }
 

@@ -66,12 +66,12 @@ pub fn fig8(
         let Some(truth) = sequence.truth.as_ref().map(|truth| truth.camera_from_object[0]) else {
             continue;
         };
-        let linear = prior::find(&ours.config.prior)?;
-        let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
+        let learned = prior::find(&ours.config.prior)?;
+        let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
         let mut starts = Vec::new();
         for &angle_deg in angles {
             for seed in first_seed..first_seed + SEEDS {
-                if let Some(start) = perturbed_start(&sequence, &linear, angle_deg, SHIFT, seed) {
+                if let Some(start) = perturbed_start(&sequence, &learned, angle_deg, SHIFT, seed) {
                     starts.push((angle_deg, seed, start));
                 }
             }

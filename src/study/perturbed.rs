@@ -2,7 +2,7 @@
 
 use crate::geometry::{Pose, Rotation3, Vector3};
 use crate::init::{Estimate, motion_from_input, scale_from_inverse_depth};
-use crate::prior::{LinearPrior, ShapePrior};
+use crate::prior::{LearnedPrior, ShapePrior};
 use crate::sequence::Sequence;
 use crate::visibility::{Surfels, visible_points};
 use nalgebra::Unit;
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 /// `None` unless there are a truth, depth of the target that meets the shape, and a pose for every frame.
 pub fn perturbed_start(
     sequence: &Sequence,
-    prior: &LinearPrior,
+    prior: &LearnedPrior,
     angle_deg: f64,
     share_of_distance: f64,
     seed: u64,

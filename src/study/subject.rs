@@ -3,7 +3,7 @@
 use super::{Effort, Jobs, Measures, Method, StudyError};
 use crate::eval::Platform;
 use crate::init::{Estimate, initialise};
-use crate::prior::{self, LinearPrior, ShapePrior};
+use crate::prior::{self, LearnedPrior, ShapePrior};
 use crate::report::Surface;
 use crate::sequence::{LoadOptions, Sequence, load};
 use crate::solver::{self, Evaluations, ObjectiveValue, Termination};
@@ -132,8 +132,8 @@ impl Subject {
         sequence.bring_to_front(target);
         let mut start = start.clone();
         start.bring_to_front(target);
-        let linear = prior::find(&config.prior)?;
-        let prior: Arc<dyn ShapePrior> = Arc::new(linear.clone());
+        let learned = prior::find(&config.prior)?;
+        let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
         let solution = solver::refine(
             &sequence,
             &prior,
@@ -152,7 +152,7 @@ impl Subject {
         let mut estimate = solution.estimate;
         estimate.put_back(target);
         Ok(Run {
-            measures: self.measure(&linear, &estimate),
+            measures: self.measure(&learned, &estimate),
             estimate,
             objective_start: solution.objective_start,
             objective_end: solution.objective_end,
@@ -169,7 +169,7 @@ impl Subject {
     }
 
     /// Measures of an estimate; its frames in the sequence's order.
-    pub fn measure(&self, prior: &LinearPrior, estimate: &Estimate) -> Measures {
+    pub fn measure(&self, prior: &LearnedPrior, estimate: &Estimate) -> Measures {
         let surface = Surface::from_points(prior.shape(&estimate.style));
         Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, estimate)
     }

@@ -83,7 +83,7 @@ pub fn table1<'s>(
     for (kind, subject) in subjects {
         let subject = subject?;
         let start = subject.start(jobs, effort)?;
-        let linear = prior::find(&methods[0].config.prior)?;
+        let learned = prior::find(&methods[0].config.prior)?;
         let note = |row: &mut Row, measures, run| {
             row.entries.push(Entry {
                 sequence: subject.name.clone(),
@@ -97,8 +97,8 @@ pub fn table1<'s>(
             Measures::of_input(&subject.sequence, subject.platform.as_ref()),
             None,
         );
-        note(&mut template, subject.measure(&linear, &start.template), None);
-        note(&mut short, subject.measure(&linear, &start.short), None);
+        note(&mut template, subject.measure(&learned, &start.template), None);
+        note(&mut short, subject.measure(&learned, &start.short), None);
         let runs: Vec<_> = methods
             .iter()
             .map(|method| (method.clone(), start.short.clone()))

@@ -1,8 +1,8 @@
 use super::*;
-use crate::prior::ShapePrior;
+use crate::prior::learned::tests::small_decoder;
 
 /// Two mirrored pairs, two modes.
-fn mirrored() -> LinearPrior {
+fn mirrored() -> LearnedPrior {
     let mirror = |half: &[f64], columns: usize| -> Vec<f64> {
         half.chunks_exact(3 * columns)
             .flat_map(|p| {
@@ -18,14 +18,14 @@ fn mirrored() -> LinearPrior {
     let mean = mirror(&[0.25, 0.5, -0.125, 0.5, 0.0, 0.375], 1);
     let basis = mirror(&(0..12).map(|i| f64::from(i) / 16.0).collect::<Vec<_>>(), 2);
     let normals = vec![[0.0, 1.0, 0.0]; 4];
-    LinearPrior::new(mean, basis, 2, normals).unwrap()
+    LinearPrior::new(mean, basis, 2, normals).unwrap().into()
 }
 
 fn describe() -> PriorInfo {
     PriorInfo {
         command: "test".to_owned(),
         licences: vec!["CC0".to_owned()],
-        ..PriorInfo::linear_mirrored("car", 2, 4)
+        ..PriorInfo::mirrored("car", &mirrored())
     }
 }
 
@@ -63,6 +63,14 @@ fn a_written_prior_is_read_back() {
 }
 
 #[test]
+fn a_decoder_is_read_back() {
+    let info = PriorInfo::mirrored("car", &small_decoder());
+    assert_eq!((info.kind, &info.hidden[..]), (PriorKind::Decoder, &[3, 2][..]));
+    let bytes = to_bytes(&small_decoder(), &info).unwrap();
+    assert_eq!(parse(&bytes, Path::new("a")).unwrap(), (small_decoder(), info));
+}
+
+#[test]
 fn without_symmetry_all_points_are_stored() {
     let info = PriorInfo {
         symmetry: Symmetry::None,
@@ -87,11 +95,12 @@ fn the_same_prior_gives_the_same_bytes_and_a_file() {
 #[test]
 fn an_asymmetric_prior_is_not_written_as_symmetric() {
     let prior = mirrored();
-    let mut mean = prior.mean().to_vec();
+    let output = prior.output();
+    let mut mean = output.mean().to_vec();
     mean[10] += 0.01;
-    let prior = LinearPrior::new(mean, prior.basis().to_vec(), 2, prior.normals().to_vec()).unwrap();
+    let prior = LinearPrior::new(mean, output.basis().to_vec(), 2, output.normals().to_vec()).unwrap();
     assert!(matches!(
-        to_bytes(&prior, &describe()),
+        to_bytes(&prior.into(), &describe()),
         Err(PriorError::NotSymmetric(3))
     ));
 }
@@ -109,7 +118,16 @@ fn broken_files_are_named_for_what_they_are() {
     assert!(refusal(&with_metadata(|v| v["points"] = 6.into())).contains("tensor `mean` is F32 [2, 3]"));
     assert!(refusal(&with_metadata(|v| v["points"] = 5.into())).contains("odd number of points"));
     assert!(refusal(&with_metadata(|v| v["styles"] = 3.into())).contains("tensor `basis`"));
-    assert!(refusal(&with_metadata(|v| v["kind"] = "decoder".into())).contains("kind `decoder`"));
+    assert!(refusal(&with_metadata(|v| v["kind"] = "decoder".into())).contains("hidden layers"));
+    assert!(refusal(&with_metadata(|v| v["hidden"] = [3].into())).contains("hidden layers"));
+    assert!(
+        refusal(&with_metadata(|v| v["kind"] = "magic".into())).contains("expected `linear` or `decoder`")
+    );
+    let as_decoder = |v: &mut serde_json::Value| {
+        v["kind"] = "decoder".into();
+        v["hidden"] = [3].into();
+    };
+    assert!(refusal(&with_metadata(as_decoder)).contains("tensor `hidden.0.weight` is missing"));
     assert!(
         refusal(&with_metadata(|v| v["frame"] = "+Z up".into()))
             .contains("object frame `+Z up`, this build's")

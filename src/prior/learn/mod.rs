@@ -4,12 +4,14 @@
 //! the points are stored as mirrored pairs.
 
 mod assignment;
+mod augment;
 mod coarse;
 mod farthest;
 mod neighbours;
 mod principal;
 mod register;
 
+pub use augment::augmented;
 pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 

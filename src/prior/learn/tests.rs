@@ -1,6 +1,6 @@
 use super::*;
 use crate::cad::synthetic::toy_car;
-use crate::prior::{LinearPrior, PriorInfo};
+use crate::prior::{LearnedPrior, LinearPrior, PriorInfo};
 
 const POINTS: usize = 512;
 
@@ -44,11 +44,12 @@ fn toy_cars_are_learned() {
     }
     let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, found.normals, 4).unwrap();
     assert!(explained[1] > 0.8, "two parameters made them: {explained:?}");
+    let prior = LearnedPrior::from(prior);
     // Farthest-point order: a prefix of a quarter is about twice as sparse.
     let ratio = prior.sample_spacing(POINTS / 4) / prior.sample_spacing(POINTS);
     assert!((1.5..3.0).contains(&ratio), "{ratio}");
     let folder = tempfile::tempdir().unwrap();
-    let info = PriorInfo::linear_mirrored("toy", 4, POINTS);
+    let info = PriorInfo::mirrored("toy", &prior);
     crate::prior::save(&folder.path().join("toy.safetensors"), &prior, &info).unwrap();
 }
 
