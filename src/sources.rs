@@ -7,7 +7,7 @@ use std::path::Path;
 static RUST: Dir = include_dir!("$CARGO_MANIFEST_DIR/src");
 static CPP: Dir = include_dir!("$CARGO_MANIFEST_DIR/cpp");
 
-/// Feeds `hasher` the files of `src/` whose paths `counts`, of folders before what is in them.
+/// Feeds `hasher` the files of `src/`, with their paths relative to it, but those whose path or folder does not count.
 pub(crate) fn hash_rust(counts: impl Fn(&Path) -> bool, hasher: &mut impl std::hash::Hasher) {
     hash(&RUST, &counts, hasher);
 }

@@ -139,15 +139,12 @@ impl ShapePrior for LearnedPrior {
     }
 
     fn points(&self, style: &[f64], points: &mut [f64]) {
-        if self.hidden.is_empty() {
-            self.output.points(style, points);
-        } else {
-            self.output.points(self.features(style).0.as_slice(), points);
-        }
+        self.output.points(self.features(style).0.as_slice(), points);
     }
 
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]) {
         if self.hidden.is_empty() {
+            // The product with an identity would cost S times as much.
             self.output.jacobian(style, jacobian);
             return;
         }

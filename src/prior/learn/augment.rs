@@ -37,7 +37,7 @@ pub fn augmented(shapes: &[Vec<f64>], count: usize, seed: u64) -> Vec<Vec<f64>> 
 fn one(shapes: &[Vec<f64>], random: &mut ChaCha8Rng) -> Vec<f64> {
     let pick = |random: &mut ChaCha8Rng| &shapes[random.random_range(0..shapes.len())];
     let (first, second) = (pick(random), pick(random));
-    let second_s_share = Share::new(random);
+    let share_of_second = Share::new(random);
     let stretch = V3::from_fn(|_, _| 1.0 + random.random_range(-STRETCH..STRETCH));
     let waves: Vec<Wave> = (0..WAVES).map(|_| Wave::new(random)).collect();
     let points: Vec<V3> = first
@@ -45,7 +45,7 @@ fn one(shapes: &[Vec<f64>], random: &mut ChaCha8Rng) -> Vec<f64> {
         .zip(second.chunks_exact(3))
         .map(|(a, b)| {
             let (a, b) = (V3::from_column_slice(a), V3::from_column_slice(b));
-            let mixed = a.lerp(&b, second_s_share.at(&((a + b) / 2.0)));
+            let mixed = a.lerp(&b, share_of_second.at(&((a + b) / 2.0)));
             let bend: V3 = waves.iter().map(|wave| wave.at(&mixed)).sum();
             (mixed + bend).component_mul(&stretch)
         })
@@ -60,7 +60,7 @@ fn one(shapes: &[Vec<f64>], random: &mut ChaCha8Rng) -> Vec<f64> {
         .collect()
 }
 
-/// How much of the second shape is where: the same everywhere, or all on one side of a plane across the car.
+/// How much of the second shape is where: the same everywhere, or all on one side of a plane that x lies in.
 enum Share {
     Everywhere(f64),
     Beyond { normal: V3, offset: f64 },
