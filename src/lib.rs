@@ -26,4 +26,6 @@ pub mod sequence;
 pub mod solver;
 pub(crate) mod sources;
 pub mod study;
+#[cfg(feature = "training")]
+pub mod training;
 pub mod visibility;

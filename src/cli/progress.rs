@@ -36,7 +36,7 @@ impl Watch {
 }
 
 /// The flag that the first Ctrl-C sets, which stops solvers at their next iteration; the second ends the program.
-fn interruption() -> anyhow::Result<Arc<AtomicBool>> {
+pub fn interruption() -> anyhow::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = interrupted.clone();
     ctrlc::set_handler(move || {

@@ -87,7 +87,7 @@ impl<'a> Objective<'a> {
                 frames,
                 points: prior.point_count(),
                 style: prior.style_len(),
-                photometric_weight: options.photometric_weight * options.point_weight,
+                photometric_weight: options.photometric_weight_a_frame(frames) * options.point_weight,
                 photometric_huber: options.photometric_huber,
                 silhouette_weight: options.silhouette_weight / (unit_px * unit_px),
                 silhouette_cauchy: options.silhouette_cauchy * unit_px,

@@ -1,7 +1,7 @@
 //! How well a prior reconstructs shapes that it never saw: leave-one-out Chamfer error.
 
-use super::learn::{Correspondences, tree_of};
-use super::{InvalidPrior, LearnedPrior, ShapePrior};
+use super::learn::{Correspondences, LearnError, tree_of};
+use super::{LearnedPrior, ShapePrior};
 use crate::cad::OutsideSample;
 use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ pub struct FitError {
 }
 
 /// Makes a prior of corresponded shapes.
-pub type Learner<'a> = dyn Fn(&[Vec<f64>]) -> Result<LearnedPrior, InvalidPrior> + Sync + 'a;
+pub type Learner<'a> = dyn Fn(&[Vec<f64>]) -> Result<LearnedPrior, LearnError> + Sync + 'a;
 
 /// ½ of both mean nearest-neighbour distances.
 pub fn chamfer(a: &[V3], b: &[V3]) -> f64 {
@@ -63,7 +63,7 @@ pub fn leave_one_out(
     group: &[usize],
     learners: &[Box<Learner>],
     points: usize,
-) -> Result<Vec<FitError>, InvalidPrior> {
+) -> Result<Vec<FitError>, LearnError> {
     let held: Vec<Vec<(f64, f64)>> = (0..truth.len())
         .into_par_iter()
         .map(|out| {
@@ -84,7 +84,7 @@ pub fn leave_one_out(
             });
             errors.collect()
         })
-        .collect::<Result<_, InvalidPrior>>()?;
+        .collect::<Result<_, LearnError>>()?;
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
     Ok((0..learners.len())
         .map(|k| {

@@ -4,8 +4,8 @@
 //! however good the pictures are, cameras are on average as far off in the object frame as is measured here.
 
 use super::evaluate::{points_of, rest_of};
-use super::learn::Correspondences;
-use super::{InvalidPrior, LearnedPrior, Learner, ShapePrior};
+use super::learn::{Correspondences, LearnError};
+use super::{LearnedPrior, Learner, ShapePrior};
 use crate::cad::orbit;
 use crate::geometry::{Pinhole, Pose};
 use crate::visibility::{Surfels, visible_points};
@@ -56,7 +56,7 @@ pub fn frame_errors(
     learner: &Learner,
     points: usize,
     known: Known,
-) -> Result<Vec<FrameError>, InvalidPrior> {
+) -> Result<Vec<FrameError>, LearnError> {
     (0..correspondences.shapes.len())
         .into_par_iter()
         .map(|out| {

@@ -6,12 +6,16 @@
 mod assignment;
 mod augment;
 mod coarse;
+#[cfg(feature = "training")]
+mod decoder;
 mod farthest;
 mod neighbours;
 mod principal;
 mod register;
 
 pub use augment::augmented;
+#[cfg(feature = "training")]
+pub use decoder::{DECODER_RATE, DECODER_STEPS, DecoderOptions, decoder};
 pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 
@@ -105,6 +109,17 @@ pub enum LearnError {
         found: usize,
         needed: usize,
     },
+    #[error("{styles} styles are too many: these shapes give at most {possible}")]
+    TooManyStyles { styles: usize, possible: usize },
+    #[error("training left no style to tell shapes by: train longer, or with a lower rate")]
+    Collapsed,
+    #[error(transparent)]
+    Invalid(#[from] super::InvalidPrior),
+    #[error("this build cannot train networks: build it with `cargo build --release --features training`")]
+    NoTraining,
+    #[cfg(feature = "training")]
+    #[error(transparent)]
+    Training(#[from] crate::training::TrainingError),
 }
 
 /// Models in correspondence: everything the principal components need.
@@ -113,6 +128,17 @@ pub struct Correspondences {
     pub shapes: Vec<Vec<f64>>,
     /// N outward unit normals of the mean shape.
     pub normals: Vec<[f32; 3]>,
+}
+
+impl Correspondences {
+    /// The first `points` points of all shapes, an even sample of them.
+    pub fn first(mut self, points: usize) -> Self {
+        self.shapes
+            .iter_mut()
+            .for_each(|shape| shape.truncate(3 * points));
+        self.normals.truncate(points);
+        self
+    }
 }
 
 /// A model's outside, both for learning from it and for judging fits to it.

@@ -1,12 +1,17 @@
 //! `spba-ceres prior`: learn, judge and show shape priors.
 
+mod learning;
+
+use super::progress::interruption;
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use learning::{Kind, Learning, Network};
 use serde::Deserialize;
 use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
-use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, augmented, correspond};
-use spba_ceres::prior::{self, InvalidPrior, LearnedPrior, LinearPrior, PriorInfo, PriorSource};
+use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
+use spba_ceres::prior::{self, PriorInfo, PriorSource, ShapePrior};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 /// Learn, show and judge shape priors.
 #[derive(clap::Args)]
@@ -22,15 +27,22 @@ enum Verb {
     Show(Show),
 }
 
-/// Learn a linear prior from CAD models.
+/// Learn a prior from CAD models.
 #[derive(clap::Args)]
 struct Learn {
     #[command(flatten)]
     models: Models,
+    #[arg(long, value_enum, default_value_t = Kind::Linear)]
+    kind: Kind,
+    #[command(flatten)]
+    network: Network,
+    /// Go on with the training that an earlier run of the same command left unfinished.
+    #[arg(long)]
+    resume: bool,
     /// The .safetensors file to write.
     #[arg(long)]
     out: PathBuf,
-    /// S, the number of principal components.
+    /// S.
     #[arg(long, default_value_t = 16)]
     styles: usize,
     /// N, the number of points (even: mirrored pairs).
@@ -43,7 +55,11 @@ struct Learn {
 struct Eval {
     #[command(flatten)]
     models: Models,
-    /// Numbers of components to try; 0 is the mean shape.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "linear")]
+    kinds: Vec<Kind>,
+    #[command(flatten)]
+    network: Network,
+    /// Values of S to try; 0 is the mean shape.
     #[arg(long, value_delimiter = ',', default_value = "0,4,8,16,32")]
     styles: Vec<usize>,
     /// Points the reconstruction is compared at.
@@ -122,6 +138,14 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
             folder.display()
         );
     }
+    args.kind.check()?;
+    let checkpoint = args.out.with_extension("checkpoint");
+    if checkpoint.exists() && !args.resume {
+        bail!(
+            "{}: an unfinished training's state is there: go on with --resume, or delete it",
+            checkpoint.display()
+        );
+    }
     let (list, models) = args.models.load()?;
     let refuse_styles = |possible: usize| {
         anyhow::ensure!(
@@ -138,9 +162,19 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
     let shapes = args.models.sample(&models, 1, 0);
     let bar = Bar::new();
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
-    let (prior, explained) = args.models.linear(&found.shapes, &found.normals, args.styles)?;
-    refuse_styles(explained.len())?;
-    let prior = LearnedPrior::from(prior);
+    let learning = Learning {
+        models: &args.models,
+        network: &args.network,
+        shapes: &found.shapes,
+        normals: &found.normals,
+    };
+    let interrupted = interruption()?;
+    let (prior, explained) =
+        learning.learn(args.kind, args.styles, Some(&checkpoint), &mut |step, loss| {
+            bar.training(step, args.network.steps, loss);
+            !interrupted.load(Ordering::SeqCst)
+        })?;
+    refuse_styles(prior.style_len())?;
     let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
     licences.sort();
     licences.dedup();
@@ -155,12 +189,19 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
     prior::save(&args.out, &prior, &info)?;
     bar.0.finish_and_clear();
     println!(
-        "{}: {} models, {} points, {} styles, {:.1} % of the variance",
+        "{}: {} {}, {} models, {} points, {} styles{}",
         args.out.display(),
+        info.category,
+        info.kind,
         models.len(),
         args.points,
         args.styles,
-        100.0 * info.explained_variance.last().copied().unwrap_or(0.0)
+        info.explained_variance
+            .last()
+            .map_or_else(String::new, |share| format!(
+                ", {:.1} % of the variance",
+                100.0 * share
+            ))
     );
     Ok(())
 }
@@ -168,19 +209,18 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
 impl Learn {
     /// The command that repeats this, every option spelled out.
     fn command(&self) -> String {
-        let m = &self.models;
-        format!(
-            "spba-ceres prior learn --sources {} --out {} --styles {} --points {} --samples {} --coarse-points {} --passes {} --augment {} --seed {}",
-            portable(&m.sources),
+        let mut command = format!(
+            "spba-ceres prior learn --kind {} --out {} --styles {} --points {} {}",
+            self.kind.name(),
             portable(&self.out),
             self.styles,
             self.points,
-            m.samples,
-            m.coarse_points,
-            m.passes,
-            m.augment,
-            m.seed
-        )
+            self.models.words()
+        );
+        if self.kind == Kind::Decoder {
+            command += &format!(" --width {} --steps {}", self.network.width, self.network.steps);
+        }
+        command
     }
 }
 
@@ -203,6 +243,7 @@ fn source_of(model: &NamedModel) -> PriorSource {
 }
 
 fn eval(args: &Eval) -> anyhow::Result<()> {
+    args.kinds.iter().try_for_each(|kind| kind.check())?;
     let options = args.models.options(args.points.max(8192));
     options.check()?;
     let (list, models) = args.models.load()?;
@@ -212,13 +253,28 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     let truth = args.models.sample(&models, 2, 1 << 32);
     let truth: Vec<_> = truth.into_iter().map(|shape| shape.outside).collect();
     let bar = Bar::new();
-    let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?;
+    // More points are corresponded better; the first of them are an even sample.
+    let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?.first(args.points);
     let groups = groups(&models, &list.near_duplicates)?;
-    let linear = |styles: usize| -> Box<prior::Learner> {
-        let (models, normals) = (&args.models, &found.normals);
-        Box::new(move |shapes| Ok(models.linear(shapes, normals, styles)?.0.into()))
+    let learner = |(kind, styles): (Kind, usize)| -> Box<prior::Learner> {
+        let (models, network, normals) = (&args.models, &args.network, &found.normals);
+        Box::new(move |shapes| {
+            let learning = Learning {
+                models,
+                network,
+                shapes,
+                normals,
+            };
+            Ok(learning.learn(kind, styles, None, &mut |_, _| true)?.0)
+        })
     };
-    let learners: Vec<_> = args.styles.iter().map(|&styles| linear(styles)).collect();
+    let ways: Vec<(Kind, usize)> = args
+        .kinds
+        .iter()
+        .flat_map(|&kind| args.styles.iter().map(move |&styles| (kind, styles)))
+        .filter(|&(kind, styles)| kind == Kind::Linear || styles > 0)
+        .collect();
+    let learners: Vec<_> = ways.iter().map(|&way| learner(way)).collect();
     let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points)?;
     bar.0.finish_and_clear();
     println!(
@@ -227,12 +283,13 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         args.points
     );
     println!(
-        "{:>6}  {:>17}  {:>10}",
-        "styles", "by correspondence", "by Chamfer"
+        "{:7} {:>6}  {:>17}  {:>10}",
+        "kind", "styles", "by correspondence", "by Chamfer"
     );
-    for (styles, row) in args.styles.iter().zip(&errors) {
+    for ((kind, styles), row) in ways.iter().zip(&errors) {
         println!(
-            "{styles:>6}  {:>17.3}  {:>10.3}",
+            "{:7} {styles:>6}  {:>17.3}  {:>10.3}",
+            kind.name(),
             100.0 * row.by_correspondence,
             100.0 * row.by_chamfer
         );
@@ -245,17 +302,24 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         .collect();
     let floor = own.iter().sum::<f64>() / own.len() as f64;
     println!(
-        "{:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
+        "{:7} {:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
+        "-",
         "-",
         100.0 * floor
     );
-    let styles = args.styles.iter().copied().max().unwrap_or(0);
-    println!("\nthe canonical frame of a model left out, {styles} styles");
+    let Some(&last) = ways.last() else {
+        bail!("--styles: a decoder needs 1 or more");
+    };
+    println!(
+        "\nthe canonical frame of a model left out, {} of {} styles",
+        last.0.name(),
+        last.1
+    );
     for (known, words) in [
         (prior::Known::All, "all its points known"),
         (prior::Known::FromFrontRight, "those seen from its front right"),
     ] {
-        let errors = prior::frame_errors(&found, &groups, &linear(styles), args.points, known)?;
+        let errors = prior::frame_errors(&found, &groups, &learner(last), args.points, known)?;
         print_frame_errors(&errors, words);
     }
     if args.each
@@ -372,16 +436,17 @@ impl Models {
         shapes
     }
 
-    /// A linear prior of corresponded shapes and of those made of them.
-    fn linear(
-        &self,
-        shapes: &[Vec<f64>],
-        normals: &[[f32; 3]],
-        styles: usize,
-    ) -> Result<(LinearPrior, Vec<f64>), InvalidPrior> {
-        let mut shapes = shapes.to_vec();
-        shapes.extend(augmented(&shapes, self.augment, self.seed));
-        LinearPrior::from_correspondences(&shapes, normals.to_vec(), styles)
+    /// As on a command line, every option spelled out.
+    fn words(&self) -> String {
+        format!(
+            "--sources {} --samples {} --coarse-points {} --passes {} --augment {} --seed {}",
+            portable(&self.sources),
+            self.samples,
+            self.coarse_points,
+            self.passes,
+            self.augment,
+            self.seed
+        )
     }
 
     fn options(&self, points: usize) -> LearnOptions {
@@ -400,6 +465,12 @@ impl Bar {
     fn new() -> Self {
         let style = ProgressStyle::with_template("{msg:14} {bar:40} {pos}/{len} {elapsed}");
         Self(ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
+    }
+
+    fn training(&self, step: usize, steps: usize, loss: f64) {
+        self.0.set_message(format!("loss {loss:.5}"));
+        self.0.set_length(steps as u64);
+        self.0.set_position(step as u64);
     }
 
     fn show(&self, progress: &Progress) {
