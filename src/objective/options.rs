@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 pub struct ObjectiveOptions {
     /// Weight of the photometric term L_ph. The paper's is 1, at which it drowns the others a thousandfold.
     pub photometric_weight: f64,
-    /// Eq. 4 sums over the source frames, where Eq. 5 and 6 are means over frames. It weighs as much as a sum over this many;
-    /// 0 means a sum over those there are, as in the paper. Otherwise a longer video has colours drown all else.
-    /// The default is what the bundled sequence has, with which weights were chosen.
-    pub photometric_frames: f64,
+    /// Eq. 4 sums over the source frames, where Eq. 5 and 6 are means over frames. Beyond so many source frames it weighs
+    /// no more than with so many; 0 means no limit, as in the paper. More frames on the same arc tell little that is new, since
+    /// what is left of colour differences is light and shape that they share; without a limit, a long video has colours drown all else.
+    pub photometric_frames: usize,
     /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255].
     pub photometric_huber: f64,
     /// Leave a point out of Eq. 4 where the other frame does not see it; the paper keeps it, and compares
@@ -68,7 +68,7 @@ impl Default for ObjectiveOptions {
     fn default() -> Self {
         Self {
             photometric_weight: 1e-4,
-            photometric_frames: 9.0,
+            photometric_frames: 10,
             photometric_huber: 20.0,
             covisible: true,
             silhouette_weight: 1.6,
@@ -101,11 +101,8 @@ impl ObjectiveOptions {
 
     /// What each source frame's sum in Eq. 4 weighs, of `frames` with the target.
     pub(super) fn photometric_weight_a_frame(&self, frames: usize) -> f64 {
-        if self.photometric_frames > 0.0 {
-            self.photometric_weight * self.photometric_frames / (frames - 1) as f64
-        } else {
-            self.photometric_weight
-        }
+        let sources = frames.saturating_sub(1).max(1);
+        self.photometric_weight * limit(self.photometric_frames, sources) as f64 / sources as f64
     }
 
     fn thinned(&self, points: usize, all: usize) -> Self {
@@ -132,7 +129,6 @@ impl ObjectiveOptions {
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
         let weights = [
             ("photometric_weight", self.photometric_weight),
-            ("photometric_frames", self.photometric_frames),
             ("silhouette_weight", self.silhouette_weight),
             ("inverse_depth_weight", self.inverse_depth_weight),
             ("style_weight", self.style_weight),

@@ -202,6 +202,40 @@ fn weak_perspective_is_differentiated_too() {
     assert_gradient(&weak(), &estimate(3));
 }
 
+/// Every source frame twice, or three times: within the limit they add up, beyond it they do not.
+#[test]
+fn many_source_frames_weigh_no_more_than_their_limit() {
+    let value = |times: usize, photometric_frames: usize| {
+        let (mut sequence, mut at) = (sequence(3), estimate(3));
+        let sources = sequence.frames[1..].to_vec();
+        sequence.frames.truncate(1);
+        sequence.frames.extend((0..times).flat_map(|_| sources.clone()));
+        at.motion = at.motion.repeat(times);
+        let options = only(|o| {
+            o.photometric_weight = 1.0;
+            o.photometric_frames = photometric_frames;
+        });
+        objective(&sequence, &options, &at)
+            .evaluate()
+            .unwrap()
+            .photometric
+    };
+    let once = value(1, 0);
+    for (times, limit, expected) in [
+        (1, 2, once),
+        (2, 4, 2.0 * once),
+        (2, 2, once),
+        (3, 4, 2.0 * once),
+        (3, 0, 3.0 * once),
+    ] {
+        let found = value(times, limit);
+        assert!(
+            (found - expected).abs() < 1e-9 * expected,
+            "{times} {limit}: {found} {expected}"
+        );
+    }
+}
+
 /// From far away with a long lens both cameras are one.
 #[test]
 fn weak_perspective_is_perspective_from_afar() {
