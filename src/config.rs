@@ -16,6 +16,8 @@ pub struct Config {
     /// Threads over pose hypotheses; 0 = one per core. The result does not depend on it.
     pub threads: usize,
     pub input: InputOptions,
+    /// Where the style and the poses start.
+    pub start: StartOptions,
     pub init: InitOptions,
     pub objective: ObjectiveOptions,
     pub solver: SolverOptions,
@@ -27,9 +29,29 @@ impl Default for Config {
             prior: "car".to_owned(),
             threads: 0,
             input: InputOptions::default(),
+            start: StartOptions::default(),
             init: InitOptions::default(),
             objective: ObjectiveOptions::default(),
             solver: SolverOptions::default(),
+        }
+    }
+}
+
+/// Where the solve starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StartOptions {
+    /// `mean`; a regressor's file (.safetensors), which looks at the frames; or an earlier result's folder.
+    pub style: String,
+    /// `templates`, which are compared with the masks, or an earlier result's folder with all frames in use.
+    pub pose: String,
+}
+
+impl Default for StartOptions {
+    fn default() -> Self {
+        Self {
+            style: "mean".to_owned(),
+            pose: "templates".to_owned(),
         }
     }
 }

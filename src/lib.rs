@@ -21,6 +21,7 @@ pub mod image;
 pub mod init;
 pub mod objective;
 pub mod prior;
+pub mod regressor;
 pub mod report;
 pub mod sequence;
 pub mod solver;

@@ -164,3 +164,51 @@ fn the_papers_configuration_runs() {
         .collect();
     assert!(totals.len() > 1 && totals.last() < totals.first(), "{totals:?}");
 }
+
+/// Where an earlier result ended; a trained network's file is for a prior of its own.
+#[test]
+fn a_solve_starts_where_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second, third] = ["first", "second", "third"].map(|name| folder.path().join(name));
+    solve(&car(), &first, &QUICK).success();
+    let path = first.to_str().unwrap();
+    let objective = |out: &Path, when: &str| -> f64 {
+        let text = std::fs::read_to_string(out.join("result.json")).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+        result["objective"][when]["total"].as_f64().unwrap()
+    };
+    solve(
+        &car(),
+        &second,
+        &[&QUICK[..], &["--init-style", path, "--init-pose", path]].concat(),
+    )
+    .success();
+    solve(&car(), &third, &[&QUICK[..], &["--init-style", path]].concat()).success();
+    assert!(objective(&second, "end") < objective(&first, "end"));
+    let text = std::fs::read_to_string(second.join("result.json")).unwrap();
+    let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(result["hypotheses"].as_array().unwrap().len(), 1);
+
+    let pose_of_two = ["--frames", "0..3", "--init-pose", path];
+    refused(
+        &car(),
+        &pose_of_two,
+        &["--init-pose", "no frame `", "all frames in use"],
+    );
+    refused(
+        &car(),
+        &["--prior", "chair", "--init-style", path],
+        &["--init-style", "car linear", "chair linear"],
+    );
+    refused(
+        &car(),
+        &["--init-style", "nowhere"],
+        &["--init-style", "nowhere/result.json"],
+    );
+    let prior = concat!(env!("CARGO_MANIFEST_DIR"), "/data/priors/car.safetensors");
+    refused(
+        &car(),
+        &["--init-style", prior],
+        &["car.safetensors", "not a regressor"],
+    );
+}

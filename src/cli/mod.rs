@@ -7,6 +7,7 @@ mod input;
 mod inspect;
 mod prior;
 mod progress;
+mod regressor;
 mod render;
 mod reproduce;
 mod solve;
@@ -33,6 +34,7 @@ enum Verb {
     Render(render::Args),
     Reproduce(reproduce::Args),
     Prior(prior::Args),
+    Regressor(regressor::Args),
 }
 
 /// Runs the verb; an error is one line on standard error and exit status 1.
@@ -53,6 +55,7 @@ pub fn run() -> ExitCode {
         Verb::Render(args) => render::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),
         Verb::Prior(args) => prior::run(&args),
+        Verb::Regressor(args) => regressor::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,14 +4,16 @@ use super::input::read;
 use super::progress;
 use anyhow::Context;
 use clap::ValueEnum;
-use spba_ceres::config::Config;
-use spba_ceres::prior::{self, ShapePrior};
-use spba_ceres::report::{self, ReportInput, Surface};
+use spba_ceres::config::{Config, StartOptions};
+use spba_ceres::init::{self, Initialisation};
+use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
+use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
+use spba_ceres::sequence::{Frame, Sequence};
 use spba_ceres::solver::{
     LinearSolver, Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank,
 };
-use spba_ceres::{init, solver};
-use std::path::PathBuf;
+use spba_ceres::{regressor, solver};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -79,6 +81,12 @@ pub struct Args {
     /// Past steps that L-BFGS remembers (lbfgs only) [default: 20]
     #[arg(long, value_name = "N")]
     lbfgs_rank: Option<u32>,
+    /// Style to start from: mean, a regressor's .safetensors file, or an earlier result's folder [default: mean]
+    #[arg(long, value_name = "mean|FILE|RESULT")]
+    init_style: Option<String>,
+    /// Poses to start from: templates, or an earlier result's folder [default: templates]
+    #[arg(long, value_name = "templates|RESULT")]
+    init_pose: Option<String>,
     /// Pose hypotheses that each get a short solve with the default weights [default: 8; the paper keeps the one of best IoU]
     #[arg(long, value_name = "N")]
     hypotheses: Option<usize>,
@@ -153,8 +161,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
-    let mean_style = vec![0.0; prior.style_len()];
-    let starts = init::initialise(&sequence, prior.as_ref(), &mean_style, &config.init)?;
+    let starts = starts(&sequence, &learned, &prior_info, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
     let watch = progress::Watch::start()?;
@@ -181,10 +188,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             solution: &solution,
             surface: &surface,
             input: &args.input.display().to_string(),
-            prior: &format!(
-                "{} {} (schema {})",
-                prior_info.category, prior_info.kind, prior_info.schema
-            ),
+            prior: &name_of(&prior_info),
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
         },
@@ -192,6 +196,65 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     )?;
     summarise(&solution, &written);
     Ok(())
+}
+
+/// As results name a prior.
+fn name_of(prior: &PriorInfo) -> String {
+    format!("{} {} (schema {})", prior.category, prior.kind, prior.schema)
+}
+
+/// What the solver starts from.
+fn starts(
+    sequence: &Sequence,
+    prior: &LearnedPrior,
+    prior_info: &PriorInfo,
+    config: &Config,
+) -> anyhow::Result<Vec<Initialisation>> {
+    let StartOptions { style, pose } = &config.start;
+    let style = match style.as_str() {
+        "mean" => vec![0.0; prior.style_len()],
+        file if file.ends_with(".safetensors") => {
+            regressor::load(Path::new(file))?.style(sequence, prior_info)?
+        }
+        folder => {
+            let result = RunResult::load(Path::new(folder)).context("--init-style")?;
+            anyhow::ensure!(
+                result.prior == name_of(prior_info),
+                "--init-style {folder}: its prior is `{}`, this one `{}`: give a result of the same prior",
+                result.prior,
+                name_of(prior_info)
+            );
+            result.style
+        }
+    };
+    if pose == "templates" {
+        return Ok(init::initialise(sequence, prior, &style, &config.init)?);
+    }
+    let result = RunResult::load(Path::new(pose)).context("--init-pose")?;
+    let of_frame = |frame: &Frame| {
+        let known = result.frames.iter().find(|known| known.name == frame.name);
+        let found = known.and_then(FrameResult::camera_from_object);
+        found.with_context(|| {
+            format!(
+                "--init-pose {pose}: no frame `{}`: give a result of all frames in use",
+                frame.name
+            )
+        })
+    };
+    let cameras = sequence
+        .frames
+        .iter()
+        .map(of_frame)
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let alpha = result.alpha.unwrap_or(1.0);
+    Ok(vec![init::initialise_at(
+        sequence,
+        prior,
+        &style,
+        &cameras,
+        alpha,
+        &config.init,
+    )?])
 }
 
 /// Flag over file over default.
@@ -217,6 +280,8 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     if args.target.is_some() {
         config.input.target = args.target;
     }
+    set(&mut config.start.style, &args.init_style);
+    set(&mut config.start.pose, &args.init_pose);
     set(&mut config.init.hypotheses.count, &args.hypotheses);
     let objective = &mut config.objective;
     set(

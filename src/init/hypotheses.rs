@@ -74,15 +74,22 @@ pub(super) struct Candidate {
     pub placement: Placement,
 }
 
+impl Template {
+    pub fn hypothesis(&self, target_from_object: Pose, iou: f64) -> PoseHypothesis {
+        PoseHypothesis {
+            target_from_object,
+            azimuth_deg: self.azimuth_deg,
+            elevation_deg: self.elevation_deg,
+            roll_deg: self.roll_deg,
+            iou,
+        }
+    }
+}
+
 impl Candidate {
     pub fn hypothesis(&self) -> PoseHypothesis {
-        PoseHypothesis {
-            target_from_object: self.placement.target_from_object,
-            azimuth_deg: self.template.azimuth_deg,
-            elevation_deg: self.template.elevation_deg,
-            roll_deg: self.template.roll_deg,
-            iou: self.placement.target_iou,
-        }
+        self.template
+            .hypothesis(self.placement.target_from_object, self.placement.target_iou)
     }
 
     fn angle_to(&self, other: &Self) -> f64 {

@@ -5,6 +5,7 @@ use super::hypotheses::{HypothesisOptions, PoseHypothesis, search};
 use super::motion_from_input;
 use super::placement::{Reconstruction, Scene, TargetDepth};
 use super::silhouette::Observation;
+use super::templates::Template;
 use crate::geometry::{Pose, RelativePose, Vector3};
 use crate::image::{DepthMap, halve_depth, halve_mask};
 use crate::prior::ShapePrior;
@@ -55,6 +56,8 @@ pub enum InitError {
     EmptyMask { frame: usize, name: String },
     #[error("style has {given} entries, the prior wants {wanted}; give as many as the prior has modes")]
     StyleLength { given: usize, wanted: usize },
+    #[error("{given} poses for {frames} frames; give one a frame")]
+    Poses { given: usize, frames: usize },
     #[error("init option `{field}` is {value}; {mend}")]
     Option {
         field: &'static str,
@@ -137,6 +140,47 @@ pub fn initialise(
         }
     });
     Ok(starts.collect())
+}
+
+/// The starting point of an earlier estimate: `camera_from_object` of every frame and α; the style is `style`.
+pub fn initialise_at(
+    sequence: &Sequence,
+    prior: &dyn ShapePrior,
+    style: &[f64],
+    camera_from_object: &[Pose],
+    alpha: f64,
+    options: &InitOptions,
+) -> Result<Initialisation, InitError> {
+    check(sequence, prior, style, options)?;
+    if camera_from_object.len() != sequence.frames.len() {
+        return Err(InitError::Poses {
+            given: camera_from_object.len(),
+            frames: sequence.frames.len(),
+        });
+    }
+    let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];
+    prior.points(style, &mut points);
+    let spacing = Surfels::new(&points).spacing();
+    let points: Vec<Vector3<f64>> = points.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    let ious: Vec<f64> = observe(sequence)?
+        .iter()
+        .zip(camera_from_object)
+        .map(|(frame, pose)| frame.render(&points, spacing, pose).iou(&frame.mask))
+        .collect();
+    let target = camera_from_object[0];
+    Ok(Initialisation {
+        estimate: Estimate {
+            target_from_object: target,
+            motion: camera_from_object[1..]
+                .iter()
+                .map(|pose| RelativePose::between(&target, pose))
+                .collect(),
+            style: style.to_vec(),
+            alpha,
+        },
+        hypothesis: Template::of(&target).hypothesis(target, ious[0]),
+        mean_iou: ious.iter().sum::<f64>() / ious.len() as f64,
+    })
 }
 
 fn check(

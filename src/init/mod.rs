@@ -11,7 +11,7 @@ mod templates;
 mod testing;
 
 pub use hypotheses::{HypothesisOptions, PoseHypothesis, pose_hypotheses};
-pub use initialise::{InitError, InitOptions, Initialisation, initialise};
+pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at};
 pub use motion::motion_from_input;
 pub use scale::scale_from_inverse_depth;
 pub use templates::TemplateGrid;

@@ -7,7 +7,7 @@
 //! The angles describe the ray to the object rather than the optical axis, so that an object off the image's
 //! centre looks the same as one in it.
 
-use crate::geometry::{Matrix3, Rotation3, Vector3};
+use crate::geometry::{Matrix3, Pose, Rotation3, Vector3};
 
 /// A viewing direction, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +73,23 @@ impl Template {
         // A ray with z > 0 is never opposite to the optical axis.
         let ray_from_axis = Rotation3::rotation_between(&Vector3::z(), ray).unwrap_or_default();
         ray_from_axis * roll * look
+    }
+
+    /// The direction that `camera_from_object` sees the object's centre from: the inverse of [`Self::rotation`].
+    pub fn of(camera_from_object: &Pose) -> Self {
+        let centre = camera_from_object.center();
+        let straight = Self {
+            azimuth_deg: centre.x.atan2(-centre.z).to_degrees().rem_euclid(360.0),
+            elevation_deg: centre.y.atan2(centre.x.hypot(centre.z)).to_degrees(),
+            roll_deg: 0.0,
+        };
+        let ray = &camera_from_object.translation;
+        let axis_from_ray = Rotation3::rotation_between(ray, &Vector3::z()).unwrap_or_default();
+        let roll = axis_from_ray * camera_from_object.rotation * straight.rotation(&Vector3::z()).inverse();
+        Self {
+            roll_deg: roll.scaled_axis().z.to_degrees(),
+            ..straight
+        }
     }
 
     /// Seen from the opposite side: for most silhouettes front and rear are nearly the same.
@@ -170,6 +187,27 @@ mod tests {
             prop_assert!((to_camera.y - e.to_radians().sin()).abs() < 1e-9);
             let azimuth = to_camera.x.atan2(-to_camera.z).to_degrees().rem_euclid(360.0);
             prop_assert!((azimuth - a).abs() < 1e-6);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_pose_is_taken_for_the_template_that_made_it(
+            azimuth in 0.0..360.0f64,
+            elevation in -80.0..80.0f64,
+            roll in -170.0..170.0f64,
+            x in -1.0..1.0f64,
+            y in -1.0..1.0f64,
+        ) {
+            let made = template(azimuth, elevation, roll);
+            let ray = Vector3::new(x, y, 2.0);
+            let found = Template::of(&Pose {
+                rotation: made.rotation(&ray),
+                translation: ray,
+            });
+            let turned = (found.azimuth_deg - azimuth).rem_euclid(360.0);
+            prop_assert!(turned.min(360.0 - turned) < 1e-6, "{found:?}");
+            prop_assert!((found.elevation_deg - elevation).abs() < 1e-6 && (found.roll_deg - roll).abs() < 1e-6, "{found:?}");
         }
     }
 }

@@ -69,16 +69,10 @@ pub fn leave_one_out(
         .map(|out| {
             let rest = rest_of(correspondences, group, out);
             let own = points_of(&correspondences.shapes[out], points);
-            let stride = truth[out]
-                .points
-                .len()
-                .div_ceil(FIT_SAMPLES_PER_POINT * points)
-                .max(1);
-            let target: Vec<V3> = truth[out].points.iter().step_by(stride).copied().collect();
             let errors = learners.iter().map(|learner| {
                 let prior = learner(&rest)?;
                 let corresponded = fit(&prior, points, 0.0, |_| own.iter().map(|&x| (x, 1.0)).collect());
-                let fitted = fit(&prior, points, FIT_RIDGE, nearest_both_ways(&target));
+                let fitted = style_of(&prior, &truth[out].points, points);
                 let error = |style: &[f64]| chamfer(&shape(&prior, style, points), &truth[out].points);
                 Ok((error(&corresponded), error(&fitted)))
             });
@@ -134,6 +128,13 @@ fn nearest_both_ways(target: &[V3]) -> impl Fn(&[V3]) -> Vec<(V3, f64)> {
         }
         pulls
     }
+}
+
+/// The style whose first `points` points come nearest to `target`, dense samples of an outside, by their Chamfer distance.
+pub fn style_of(prior: &LearnedPrior, target: &[V3], points: usize) -> Vec<f64> {
+    let stride = target.len().div_ceil(FIT_SAMPLES_PER_POINT * points).max(1);
+    let target: Vec<V3> = target.iter().step_by(stride).copied().collect();
+    fit(prior, points, FIT_RIDGE, nearest_both_ways(&target))
 }
 
 /// Gauss–Newton in the style towards where `pulls` draws the first `points` points, and how hard; these are renewed in every

@@ -18,7 +18,14 @@ use std::path::{Path, PathBuf};
 const SCHEMA: u32 = 1;
 const METADATA_KEY: &str = "spba_prior";
 /// Priors that ship inside the library.
-const BUNDLED: [(&str, &[u8]); 1] = [("car", include_bytes!("../../data/priors/car.safetensors"))];
+const BUNDLED: [(&str, &[u8]); 3] = [
+    ("car", include_bytes!("../../data/priors/car.safetensors")),
+    ("chair", include_bytes!("../../data/priors/chair.safetensors")),
+    (
+        "airplane",
+        include_bytes!("../../data/priors/airplane.safetensors"),
+    ),
+];
 
 /// The files of the bundled priors.
 pub(crate) fn bundled() -> impl Iterator<Item = &'static [u8]> {

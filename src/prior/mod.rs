@@ -9,7 +9,7 @@ mod learned;
 mod linear;
 mod sheet;
 
-pub use evaluate::{FitError, Learner, chamfer, leave_one_out, points_of};
+pub use evaluate::{FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub(crate) use file::bundled;
 pub use file::{PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
 pub use frame_error::{FrameError, Known, frame_errors};

@@ -46,6 +46,7 @@ pub struct Network {
 /// What is learned from: corresponded shapes, those made of them not among them, and the mean's normals.
 pub struct Learning<'a> {
     pub models: &'a Models,
+    #[cfg_attr(not(feature = "training"), expect(dead_code))]
     pub network: &'a Network,
     pub shapes: &'a [Vec<f64>],
     pub normals: &'a [[f32; 3]],

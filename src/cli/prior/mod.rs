@@ -73,7 +73,7 @@ struct Eval {
 /// Draw the mean and each mode at −2σ and +2σ.
 #[derive(clap::Args)]
 struct Show {
-    /// A bundled prior's name (car) or a .safetensors file.
+    /// A bundled prior's name (car, chair, airplane) or a .safetensors file.
     prior: String,
     /// The PNG to write.
     #[arg(long)]
@@ -108,12 +108,12 @@ struct Models {
 /// The file behind `--sources`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct SourceList {
-    category: String,
+pub struct SourceList {
+    pub category: String,
     /// Sets of models so alike that `eval` holds them out together.
     #[serde(default)]
     near_duplicates: Vec<Vec<String>>,
-    source: Vec<SourceSpec>,
+    pub source: Vec<SourceSpec>,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -146,7 +146,7 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
             checkpoint.display()
         );
     }
-    let (list, models) = args.models.load()?;
+    let (list, models) = load_models(&args.models.sources)?;
     let refuse_styles = |possible: usize| {
         anyhow::ensure!(
             args.styles <= possible,
@@ -225,7 +225,7 @@ impl Learn {
 }
 
 /// A relative path as it is, of an absolute one its last component: the file is for other machines too.
-fn portable(path: &Path) -> String {
+pub fn portable(path: &Path) -> String {
     let name = if path.is_relative() {
         Some(path.as_os_str())
     } else {
@@ -246,7 +246,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     args.kinds.iter().try_for_each(|kind| kind.check())?;
     let options = args.models.options(args.points.max(8192));
     options.check()?;
-    let (list, models) = args.models.load()?;
+    let (list, models) = load_models(&args.models.sources)?;
     let shapes = args.models.sample(&models, 1, 0);
     // Another seed, since errors are measured on samples that were not learned from; and more of them, since the gaps
     // between them add to the error.
@@ -407,18 +407,6 @@ fn show(args: &Show) -> anyhow::Result<()> {
 }
 
 impl Models {
-    fn load(&self) -> anyhow::Result<(SourceList, Vec<NamedModel>)> {
-        let text = std::fs::read_to_string(&self.sources)
-            .with_context(|| format!("{}: cannot read the list of sources", self.sources.display()))?;
-        let list: SourceList = toml::from_str(&text)
-            .with_context(|| format!("{}: not a list of sources", self.sources.display()))?;
-        let mut models = Vec::new();
-        for source in &list.source {
-            models.extend(load_source(source)?);
-        }
-        Ok((list, models))
-    }
-
     /// Draws `times` the usual number of samples.
     fn sample(&self, models: &[NamedModel], times: usize, seed_offset: u64) -> Vec<TrainingShape> {
         let bar = Bar::new();
@@ -458,22 +446,35 @@ impl Models {
     }
 }
 
+/// The list behind `--sources`, and its models.
+pub fn load_models(sources: &Path) -> anyhow::Result<(SourceList, Vec<NamedModel>)> {
+    let text = std::fs::read_to_string(sources)
+        .with_context(|| format!("{}: cannot read the list of sources", sources.display()))?;
+    let list: SourceList =
+        toml::from_str(&text).with_context(|| format!("{}: not a list of sources", sources.display()))?;
+    let mut models = Vec::new();
+    for source in &list.source {
+        models.extend(load_source(source)?);
+    }
+    Ok((list, models))
+}
+
 /// A progress bar on standard error.
-struct Bar(ProgressBar);
+pub struct Bar(pub ProgressBar);
 
 impl Bar {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let style = ProgressStyle::with_template("{msg:14} {bar:40} {pos}/{len} {elapsed}");
         Self(ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
     }
 
-    fn training(&self, step: usize, steps: usize, loss: f64) {
+    pub fn training(&self, step: usize, steps: usize, loss: f64) {
         self.0.set_message(format!("loss {loss:.5}"));
         self.0.set_length(steps as u64);
         self.0.set_position(step as u64);
     }
 
-    fn show(&self, progress: &Progress) {
+    pub fn show(&self, progress: &Progress) {
         self.0.set_message(progress.stage);
         self.0.set_length(progress.total as u64);
         self.0.set_position(progress.done as u64);
