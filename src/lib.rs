@@ -16,6 +16,7 @@ pub(crate) mod bridge;
 pub mod cad;
 pub mod config;
 pub mod eval;
+pub(crate) mod files;
 pub mod geometry;
 pub mod image;
 pub mod init;

@@ -177,16 +177,11 @@ fn open_file(path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorError> {
 
 /// Writes `prior` beside `path`, then renames. The same prior and description give the same bytes.
 pub fn save(path: &Path, prior: &LearnedPrior, info: &PriorInfo) -> Result<(), PriorError> {
-    let write = |source| PriorError::Write {
+    let bytes = to_bytes(prior, info)?;
+    crate::files::write_whole(path, &bytes).map_err(|source| PriorError::Write {
         path: path.to_owned(),
         source,
-    };
-    let bytes = to_bytes(prior, info)?;
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".partial");
-    std::fs::write(&beside, bytes).map_err(write)?;
-    std::fs::rename(&beside, path).map_err(write)?;
-    Ok(())
+    })
 }
 
 fn to_bytes(prior: &LearnedPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorError> {

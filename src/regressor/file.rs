@@ -118,14 +118,10 @@ pub fn save(path: &Path, regressor: &Regressor) -> Result<(), RegressorError> {
     let json = serde_json::to_string(&regressor.info).map_err(|e| impossible(e.to_string()))?;
     let about = Some([(METADATA_KEY.to_owned(), json)].into());
     let bytes = serialize(views, about).map_err(|e| impossible(e.to_string()))?;
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".partial");
-    std::fs::write(&beside, bytes)
-        .and_then(|()| std::fs::rename(&beside, path))
-        .map_err(|source| RegressorError::Write {
-            path: path.to_owned(),
-            source,
-        })
+    crate::files::write_whole(path, &bytes).map_err(|source| RegressorError::Write {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Reads and checks a regressor file.

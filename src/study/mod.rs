@@ -88,7 +88,5 @@ impl StudyError {
 
 /// Writes `text` beside `path`, then renames.
 pub fn write_text(path: &Path, text: &str) -> Result<(), StudyError> {
-    let beside = path.with_extension("partial");
-    std::fs::write(&beside, text).map_err(StudyError::io(path))?;
-    std::fs::rename(&beside, path).map_err(StudyError::io(path))
+    crate::files::write_whole(path, text.as_bytes()).map_err(StudyError::io(path))
 }

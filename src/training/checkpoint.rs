@@ -51,10 +51,7 @@ impl Checkpoint {
         let about =
             [(STEP, self.step.to_string()), (OF, of.to_owned())].map(|(key, value)| (key.to_owned(), value));
         let bytes = serialize(tensors, Some(HashMap::from(about))).map_err(|error| failed(path, &error))?;
-        let beside = path.with_extension("writing");
-        std::fs::write(&beside, bytes)
-            .and_then(|()| std::fs::rename(&beside, path))
-            .map_err(|error| failed(path, &error))
+        crate::files::write_whole(path, &bytes).map_err(|error| failed(path, &error))
     }
 
     pub fn read(path: &Path, of: &str) -> Result<Self, TrainingError> {
