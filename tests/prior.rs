@@ -35,3 +35,80 @@ fn the_python_example_writes_a_prior() {
         assert!((extent(&style, axis) / size[axis] - 1.1).abs() < 1e-3);
     }
 }
+
+fn refused(arguments: &[&str]) -> String {
+    let run = assert_cmd::Command::cargo_bin("spba-ceres")
+        .unwrap()
+        .args(arguments)
+        .assert();
+    let message = String::from_utf8(run.failure().code(1).get_output().stderr.clone()).unwrap();
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    message
+}
+
+#[test]
+fn an_unfinished_trainings_state_is_not_overwritten() {
+    let home = tempfile::tempdir().unwrap();
+    let state = home.path().join("car.checkpoint");
+    std::fs::write(&state, "kept").unwrap();
+    let out = home.path().join("car.safetensors");
+    let out = out.to_str().unwrap();
+    let learn = [
+        "prior",
+        "learn",
+        "--sources",
+        "data/priors/car.toml",
+        "--out",
+        out,
+    ];
+    assert!(refused(&learn).contains("go on with --resume, or delete it"));
+    if cfg!(feature = "training") {
+        let train = [
+            "regressor",
+            "train",
+            "--prior",
+            "car",
+            "--sources",
+            "data/priors/car.toml",
+            "--out",
+            out,
+        ];
+        assert!(refused(&train).contains("go on with --resume, or delete it"));
+    }
+    assert_eq!(std::fs::read_to_string(state).unwrap(), "kept");
+}
+
+#[test]
+fn what_is_no_regressor_is_refused() {
+    let eval = |file: &str| refused(&["regressor", "eval", file, "--prior", "car"]);
+    assert!(eval("nowhere.safetensors").contains("nowhere.safetensors: cannot read the regressor"));
+    assert!(eval("data/priors/car.safetensors").contains("not a regressor"));
+}
+
+#[cfg(not(feature = "training"))]
+#[test]
+fn a_build_that_cannot_train_says_so() {
+    let decoder = [
+        "prior",
+        "learn",
+        "--kind",
+        "decoder",
+        "--sources",
+        "x",
+        "--out",
+        "y",
+    ];
+    let train = [
+        "regressor",
+        "train",
+        "--prior",
+        "car",
+        "--sources",
+        "x",
+        "--out",
+        "y",
+    ];
+    for arguments in [&decoder[..], &train] {
+        assert!(refused(arguments).contains("--features training"));
+    }
+}
