@@ -102,11 +102,14 @@ impl LearnedPrior {
         spacing(&points)
     }
 
-    /// What the output layer takes, (s, h(s)), and its derivative by s.
-    fn features(&self, style: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
-        let style = DVector::from_column_slice(style);
-        let identity = DMatrix::identity(self.style_len, self.style_len);
-        let (mut value, mut by_style) = (style.clone(), identity.clone());
+    /// What the output layer takes, (s, h(s)), and the derivative of h by s; without hidden layers, s and nothing.
+    fn features(&self, style: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
+        let mut features = style.to_vec();
+        if self.hidden.is_empty() {
+            return (features, DMatrix::zeros(0, self.style_len));
+        }
+        let mut value = DVector::from_column_slice(style);
+        let mut by_style = DMatrix::identity(self.style_len, self.style_len);
         for Layer { weight, bias } in &self.hidden {
             value = (weight * value + bias).map(f64::tanh);
             by_style = weight * by_style;
@@ -114,18 +117,8 @@ impl LearnedPrior {
                 row *= 1.0 - y * y;
             }
         }
-        if self.hidden.is_empty() {
-            return (value, by_style);
-        }
-        let stacked = |top: DMatrix<f64>, bottom: DMatrix<f64>| {
-            let rows = top.nrows();
-            let mut both = top.resize_vertically(rows + bottom.nrows(), 0.0);
-            both.rows_mut(rows, bottom.nrows()).copy_from(&bottom);
-            both
-        };
-        let columns = |v: DVector<f64>| DMatrix::from_column_slice(v.len(), 1, v.as_slice());
-        let features = stacked(columns(style), columns(value));
-        (features.column(0).into_owned(), stacked(identity, by_style))
+        features.extend(&value);
+        (features, by_style)
     }
 }
 
@@ -139,26 +132,23 @@ impl ShapePrior for LearnedPrior {
     }
 
     fn points(&self, style: &[f64], points: &mut [f64]) {
-        self.output.points(self.features(style).0.as_slice(), points);
+        self.output.points(&self.features(style).0, points);
     }
 
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]) {
         if self.hidden.is_empty() {
-            // The product with an identity would cost S times as much.
             self.output.jacobian(style, jacobian);
             return;
         }
-        let features_by_style = self.features(style).1;
+        let hidden_by_style = self.features(style).1;
         let rows = jacobian.len() / self.style_len.max(1);
-        let width = features_by_style.nrows();
+        let width = self.output.style_len();
         // Both row-major: as nalgebra's column-major matrices they are transposes, (AB)ᵀ = Bᵀ Aᵀ.
         let basis = DMatrixView::from_slice(&self.output.basis()[..rows * width], width, rows);
-        DMatrixViewMut::from_slice(jacobian, self.style_len, rows).gemm_tr(
-            1.0,
-            &features_by_style,
-            &basis,
-            0.0,
-        );
+        let mut jacobian = DMatrixViewMut::from_slice(jacobian, self.style_len, rows);
+        jacobian.copy_from(&basis.rows(0, self.style_len));
+        let of_hidden = basis.rows(self.style_len, width - self.style_len);
+        jacobian.gemm_tr(1.0, &hidden_by_style, &of_hidden, 1.0);
     }
 }
 
