@@ -144,11 +144,13 @@ fn train(args: &Train) -> anyhow::Result<()> {
     };
     let interrupted = interruption()?;
     let mut recent = 1.0;
-    let network = regressor::train(&learned, &examples, args.seed, &plan, &mut |step, loss| {
+    let mirrored = info.symmetry == prior::Symmetry::MirrorX;
+    let mut see = |step, loss: f64| {
         recent += 0.05 * (loss - recent);
         bar.training(step, args.steps, recent);
         !interrupted.load(Ordering::SeqCst)
-    })?;
+    };
+    let network = regressor::train(&learned, mirrored, &examples, args.seed, &plan, &mut see)?;
     bar.0.finish_and_clear();
     let info = RegressorInfo::new(&info, network.convolutions.len(), command, args.seed);
     regressor::save(&args.out, &Regressor { info, network })?;

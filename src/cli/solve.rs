@@ -4,7 +4,7 @@ use super::input::read;
 use super::progress;
 use anyhow::Context;
 use clap::ValueEnum;
-use spba_ceres::config::{Config, StartOptions};
+use spba_ceres::config::Config;
 use spba_ceres::init::{self, Initialisation};
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
@@ -155,13 +155,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
     let began = Instant::now();
     let mut sequence = read(&args.input, &config.input.load_options()?)?;
-    let target = config.input.target_of(sequence.frames.len())?;
-    sequence.bring_to_front(target);
     let (learned, prior_info) = prior::open(&config.prior)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
-    let starts = starts(&sequence, &learned, &prior_info, &config)?;
+    // A regressor sees the frames in their own order.
+    let style = start_style(&sequence, &learned, &prior_info, &config.start.style)?;
+    let target = config.input.target_of(sequence.frames.len())?;
+    sequence.bring_to_front(target);
+    let starts = starts(&sequence, &learned, &style, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
     let watch = progress::Watch::start()?;
@@ -203,18 +205,17 @@ fn name_of(prior: &PriorInfo) -> String {
     format!("{} {} (schema {})", prior.category, prior.kind, prior.schema)
 }
 
-/// What the solver starts from.
-fn starts(
+/// The style that `--init-style` names.
+fn start_style(
     sequence: &Sequence,
     prior: &LearnedPrior,
     prior_info: &PriorInfo,
-    config: &Config,
-) -> anyhow::Result<Vec<Initialisation>> {
-    let StartOptions { style, pose } = &config.start;
-    let style = match style.as_str() {
-        "mean" => vec![0.0; prior.style_len()],
+    from: &str,
+) -> anyhow::Result<Vec<f64>> {
+    match from {
+        "mean" => Ok(vec![0.0; prior.style_len()]),
         file if file.ends_with(".safetensors") => {
-            regressor::load(Path::new(file))?.style(sequence, prior_info)?
+            Ok(regressor::load(Path::new(file))?.style(sequence, prior_info)?)
         }
         folder => {
             let result = RunResult::load(Path::new(folder)).context("--init-style")?;
@@ -224,11 +225,21 @@ fn starts(
                 result.prior,
                 name_of(prior_info)
             );
-            result.style
+            Ok(result.style)
         }
-    };
+    }
+}
+
+/// What the solver starts from.
+fn starts(
+    sequence: &Sequence,
+    prior: &LearnedPrior,
+    style: &[f64],
+    config: &Config,
+) -> anyhow::Result<Vec<Initialisation>> {
+    let pose = &config.start.pose;
     if pose == "templates" {
-        return Ok(init::initialise(sequence, prior, &style, &config.init)?);
+        return Ok(init::initialise(sequence, prior, style, &config.init)?);
     }
     let result = RunResult::load(Path::new(pose)).context("--init-pose")?;
     let of_frame = |frame: &Frame| {
@@ -250,7 +261,7 @@ fn starts(
     Ok(vec![init::initialise_at(
         sequence,
         prior,
-        &style,
+        style,
         &cameras,
         alpha,
         &config.init,

@@ -1,7 +1,7 @@
 //! Sequences to train on: the prior's own CAD models and random styles, under random light, from random arcs, with masks that
 //! leak and bite.
 
-use super::crop::Crop;
+use super::crop::{CHANNELS, Crop, SIDE_PX};
 use crate::cad::render::{Light, LightFrame, Renderer, View};
 use crate::cad::{Mesh, orbit};
 use crate::geometry::Pinhole;
@@ -241,7 +241,8 @@ fn kept(mut image: RgbImage, mask: &Mask, random: &mut impl Rng) -> Vec<u8> {
     }
     let disturbed = disturbed(mask, random);
     let crop = Crop::of(&image, &disturbed).or_else(|| Crop::of(&image, mask));
-    crop.map_or_else(Vec::new, |crop| {
+    let nothing = || vec![0; CHANNELS * SIDE_PX * SIDE_PX];
+    crop.map_or_else(nothing, |crop| {
         crop.0
             .iter()
             .map(|value| (value / STEP).round().min(255.0) as u8)
@@ -280,7 +281,6 @@ fn disturbed(mask: &Mask, random: &mut impl Rng) -> Mask {
 
 #[cfg(test)]
 mod tests {
-    use super::super::crop::{CHANNELS, SIDE_PX};
     use super::*;
     use crate::cad::synthetic::toy_car;
     use crate::prior;

@@ -17,7 +17,7 @@ pub use file::{RegressorError, RegressorInfo, load, save};
 pub use judge::{Guesses, POINTS, judge};
 pub use network::{Conv, Dense, Network};
 #[cfg(feature = "training")]
-pub use train::{REGRESSOR_RATE, REGRESSOR_STEPS, train};
+pub use train::{REGRESSOR_RATE, train};
 
 use crate::prior::PriorInfo;
 use crate::sequence::Sequence;

@@ -17,8 +17,6 @@ use rand_chacha::ChaCha8Rng;
 
 /// Adam's rate at the first and the last step.
 pub const REGRESSOR_RATE: [f64; 2] = [2e-3, 5e-5];
-/// The usual number of steps.
-pub const REGRESSOR_STEPS: usize = 4000;
 /// Channels after each convolution.
 const WIDTHS: [usize; 4] = [16, 24, 32, 48];
 /// Entries of a frame's feature and of the state.
@@ -121,9 +119,10 @@ impl Trained {
 
 /// Trains a network on `examples`. A step's loss, which `see` gets, is the mean squared distance between the points of the
 /// style that it finds and the shown one, as a share of that between the mean shape's and the shown one's; `see` returns
-/// false to stop.
+/// false to stop. `mirrored` says that the prior is mirror-symmetric, so that crops may be mirrored, too.
 pub fn train(
     prior: &LearnedPrior,
+    mirrored: bool,
     examples: &Examples,
     seed: u64,
     plan: &Plan,
@@ -152,11 +151,14 @@ pub fn train(
         let (mut crops, mut shown) = (Vec::new(), Vec::new());
         for _ in 0..BATCH {
             let sequence = random.random_range(0..examples.len());
-            let (mirrored, backwards, light) =
-                (random.random(), random.random(), random.random_range(0.8..1.2));
+            let (mirror, backwards, light) = (
+                mirrored && random.random(),
+                random.random(),
+                random.random_range(0.8..1.2),
+            );
             for frame in 0..frames {
                 let frame = if backwards { frames - 1 - frame } else { frame };
-                push(&mut crops, examples.crop(sequence, frame), mirrored, light);
+                push(&mut crops, examples.crop(sequence, frame), mirror, light);
             }
             shown.extend(examples.style(sequence).iter().map(|&s| s as f32));
         }
@@ -174,7 +176,7 @@ pub fn train(
     Ok(trained.network())
 }
 
-/// A crop, perhaps mirrored (a mirrored object has the same style where the prior is symmetric), its colours `light` times as bright.
+/// A crop, perhaps mirrored (the mirrored object has the same style), its colours `light` times as bright.
 fn push(crops: &mut Vec<f32>, crop: impl Iterator<Item = f32>, mirrored: bool, light: f32) {
     let start = crops.len();
     crops.extend(crop);
@@ -248,7 +250,7 @@ mod tests {
             of: "a test".into(),
         };
         let mut losses = Vec::new();
-        train(&prior, &examples, 0, &plan, &mut |_, loss| {
+        train(&prior, true, &examples, 0, &plan, &mut |_, loss| {
             losses.push(loss);
             true
         })

@@ -2,6 +2,7 @@
 
 use super::Models;
 use clap::ValueEnum;
+use clap::builder::RangedU64ValueParser;
 use spba_ceres::prior::learn::{LearnError, augmented};
 use spba_ceres::prior::{LearnedPrior, LinearPrior};
 use std::path::Path;
@@ -36,7 +37,7 @@ impl Kind {
 #[derive(clap::Args)]
 pub struct Network {
     /// Decoder: outputs of each of the two hidden layers.
-    #[arg(long, value_name = "M", default_value_t = 64)]
+    #[arg(long, value_name = "M", default_value_t = 64, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     pub width: usize,
     /// Decoder: steps of training.
     #[arg(long, value_name = "N", default_value_t = 4000)]

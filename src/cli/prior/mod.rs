@@ -11,6 +11,7 @@ use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
 use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
 use spba_ceres::prior::{self, PriorInfo, PriorSource, ShapePrior};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 /// Learn, show and judge shape priors.
@@ -168,7 +169,11 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
         shapes: &found.shapes,
         normals: &found.normals,
     };
-    let interrupted = interruption()?;
+    // Principal components have no state to keep: Ctrl-C ends them at once.
+    let interrupted = match args.kind {
+        Kind::Decoder => interruption()?,
+        Kind::Linear => Arc::default(),
+    };
     let (prior, explained) =
         learning.learn(args.kind, args.styles, Some(&checkpoint), &mut |step, loss| {
             bar.training(step, args.network.steps, loss);

@@ -23,8 +23,6 @@ pub struct DecoderOptions {
     pub seed: u64,
 }
 
-/// A decoder's usual steps.
-pub const DECODER_STEPS: usize = 4000;
 /// Adam's rate at the first and the last step.
 pub const DECODER_RATE: [f64; 2] = [2e-3, 5e-5];
 /// Principal coefficients that the network sees at most.
@@ -92,6 +90,15 @@ pub fn decoder(
     plan: &Plan,
     see: &mut dyn FnMut(usize, f64) -> bool,
 ) -> Result<LearnedPrior, LearnError> {
+    for (option, value) in [("styles", options.styles), ("width", options.width)] {
+        if value == 0 {
+            return Err(LearnError::Option {
+                option,
+                value,
+                range: "1 or more",
+            });
+        }
+    }
     let mut found = components(shapes, COEFFICIENTS);
     let length = |mode: &Vec<f64>| DVector::from_column_slice(mode).norm();
     let mut lengths: Vec<f64> = found.modes.iter().map(length).collect();

@@ -15,7 +15,7 @@ mod register;
 
 pub use augment::augmented;
 #[cfg(feature = "training")]
-pub use decoder::{DECODER_RATE, DECODER_STEPS, DecoderOptions, decoder};
+pub use decoder::{DECODER_RATE, DecoderOptions, decoder};
 pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 

@@ -1,0 +1,131 @@
+#include "spba-ceres/cpp/vision/features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/features2d.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "spba-ceres/src/bridge/vision.rs.h"
+
+namespace spba::vision {
+namespace {
+
+constexpr int kEntries = 128;
+
+// A view of pixels that are only read; cv::Mat has no const one.
+cv::Mat Gray(rust::Slice<const std::uint8_t> pixels, std::size_t width, std::size_t height) {
+  if (width == 0 || height == 0 || pixels.size() != width * height) {
+    throw std::invalid_argument("image and size differ");
+  }
+  return cv::Mat(static_cast<int>(height), static_cast<int>(width), CV_8U,
+                 const_cast<std::uint8_t*>(pixels.data()));
+}
+
+cv::Mat Descriptors(rust::Slice<const float> entries) {
+  if (entries.size() % kEntries != 0) throw std::invalid_argument("descriptors of another length");
+  return cv::Mat(static_cast<int>(entries.size() / kEntries), kEntries, CV_32F,
+                 const_cast<float*>(entries.data()));
+}
+
+template <typename Point>
+std::vector<Point> Points(rust::Slice<const double> entries) {
+  constexpr std::size_t kSize = sizeof(Point) / sizeof(double);
+  if (entries.size() % kSize != 0) throw std::invalid_argument("points of another length");
+  std::vector<Point> points(entries.size() / kSize);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::copy_n(entries.data() + kSize * i, kSize, reinterpret_cast<double*>(&points[i]));
+  }
+  return points;
+}
+
+Found ToFound(const cv::Matx33d& rotation, const cv::Vec3d& translation) {
+  Found found{};
+  found.any = true;
+  std::copy_n(rotation.val, 9, found.rotation.begin());
+  std::copy_n(translation.val, 3, found.translation.begin());
+  return found;
+}
+
+}  // namespace
+
+rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<const std::uint8_t> mask,
+                          std::size_t width, std::size_t height, double contrast, std::size_t most,
+                          rust::Vec<float>& descriptors) {
+  const auto sift = cv::SIFT::create(static_cast<int>(most), 3, contrast);
+  std::vector<cv::KeyPoint> points;
+  cv::Mat rows;
+  sift->detectAndCompute(Gray(gray, width, height), Gray(mask, width, height), points, rows);
+  rust::Vec<Feature> features;
+  features.reserve(points.size());
+  descriptors.reserve(points.size() * kEntries);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const cv::KeyPoint& point = points[i];
+    features.push_back({point.pt.x + 0.5, point.pt.y + 0.5, point.size});
+    const float* row = rows.ptr<float>(static_cast<int>(i));
+    float sum = 0.0f;
+    for (int k = 0; k < kEntries; ++k) sum += row[k];
+    for (int k = 0; k < kEntries; ++k) descriptors.push_back(std::sqrt(row[k] / std::max(sum, 1e-6f)));
+  }
+  return features;
+}
+
+rust::Vec<Match> match(rust::Slice<const float> a, rust::Slice<const float> b, float ratio) {
+  const cv::Mat first = Descriptors(a), second = Descriptors(b);
+  rust::Vec<Match> matches;
+  if (first.rows < 2 || second.rows < 2) return matches;
+  const cv::BFMatcher matcher(cv::NORM_L2);
+  std::vector<std::vector<cv::DMatch>> there, back;
+  matcher.knnMatch(first, second, there, 2);
+  matcher.knnMatch(second, first, back, 1);
+  for (const auto& best : there) {
+    if (best.size() < 2 || best[0].distance >= ratio * best[1].distance) continue;
+    const auto& returned = back[static_cast<std::size_t>(best[0].trainIdx)];
+    if (returned.empty() || returned[0].trainIdx != best[0].queryIdx) continue;
+    matches.push_back(
+        {static_cast<std::uint32_t>(best[0].queryIdx), static_cast<std::uint32_t>(best[0].trainIdx)});
+  }
+  return matches;
+}
+
+Found two_views(rust::Slice<const double> a, rust::Slice<const double> b, double threshold,
+                rust::Slice<std::uint8_t> inliers) {
+  const auto first = Points<cv::Point2d>(a), second = Points<cv::Point2d>(b);
+  if (first.size() != second.size() || inliers.size() != first.size()) {
+    throw std::invalid_argument("as many points as inliers are needed in both views");
+  }
+  if (first.size() < 5) return Found{};
+  cv::Mat mask;
+  const cv::Mat essential =
+      cv::findEssentialMat(first, second, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.9999, threshold, mask);
+  if (essential.rows != 3) return Found{};
+  cv::Matx33d rotation;
+  cv::Vec3d translation;
+  cv::recoverPose(essential, first, second, cv::Mat::eye(3, 3, CV_64F), rotation, translation, mask);
+  for (std::size_t i = 0; i < inliers.size(); ++i) inliers[i] = mask.at<std::uint8_t>(static_cast<int>(i)) != 0;
+  return ToFound(rotation, translation);
+}
+
+Found resect(rust::Slice<const double> points, rust::Slice<const double> rays, double threshold,
+             rust::Slice<std::uint8_t> inliers) {
+  const auto space = Points<cv::Point3d>(points);
+  const auto seen = Points<cv::Point2d>(rays);
+  if (space.size() != seen.size() || inliers.size() != space.size()) {
+    throw std::invalid_argument("as many points as rays and inliers are needed");
+  }
+  std::fill(inliers.begin(), inliers.end(), std::uint8_t{0});
+  if (space.size() < 6) return Found{};
+  cv::Vec3d turn, translation;
+  std::vector<int> chosen;
+  const bool found = cv::solvePnPRansac(space, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), turn, translation,
+                                        false, 2000, static_cast<float>(threshold), 0.9999, chosen, cv::SOLVEPNP_EPNP);
+  if (!found) return Found{};
+  for (const int index : chosen) inliers[static_cast<std::size_t>(index)] = 1;
+  cv::Matx33d rotation;
+  cv::Rodrigues(turn, rotation);
+  return ToFound(rotation, translation);
+}
+
+}  // namespace spba::vision

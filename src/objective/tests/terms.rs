@@ -1,0 +1,141 @@
+//! Terms against sums by hand, and what goes into them.
+
+use super::*;
+
+#[test]
+fn the_silhouette_term_is_the_chamfer_distance() {
+    the_silhouette_term_is_that_of(0.0);
+    the_silhouette_term_is_that_of(1.0);
+}
+
+fn the_silhouette_term_is_that_of(tolerance: f64) {
+    let at = estimate(3);
+    let sequence = sequence(3);
+    let options = ObjectiveOptions {
+        silhouette_pixels: 0,
+        silhouette_points: 0,
+        silhouette_cauchy: 0.0,
+        silhouette_tolerance: tolerance,
+        silhouette_size: 0.0,
+        ..only(|o| o.silhouette_weight = 0.1)
+    };
+    let mut objective = objective(&sequence, &options, &at);
+    let points = objective.points().unwrap();
+    let mut chamfer = 0.0;
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        let pose = at.camera_from_object(l);
+        let projected: Vec<_> = points
+            .chunks_exact(3)
+            .map(|x| {
+                frame
+                    .camera
+                    .project(&pose.transform(&Vector3::from_column_slice(x)))
+                    .unwrap()
+            })
+            .collect();
+        let mut pixels = Vec::new();
+        for r in 0..frame.mask.height() {
+            for c in 0..frame.mask.width() {
+                if frame.mask[(c, r)] {
+                    pixels.push(nalgebra::Vector2::new(c as f64 + 0.5, r as f64 + 0.5));
+                }
+            }
+        }
+        let nearest = |from: &nalgebra::Vector2<f64>, to: &[nalgebra::Vector2<f64>]| {
+            let distance = to.iter().map(|u| (u - from).norm()).fold(f64::INFINITY, f64::min);
+            (distance - tolerance).max(0.0).powi(2)
+        };
+        chamfer += pixels.iter().map(|u| nearest(u, &projected)).sum::<f64>();
+        chamfer += projected.iter().map(|u| nearest(u, &pixels)).sum::<f64>();
+    }
+    let expected = 0.1 * chamfer / 3.0;
+    let value = objective.evaluate().unwrap().silhouette;
+    assert!(
+        (value - expected).abs() < 1e-9 * expected,
+        "{value} against {expected}"
+    );
+}
+
+/// Eq. 6 by hand: d' is linear in the column, so its first order is d' itself wherever a point projects.
+#[test]
+fn the_inverse_depth_term_is_eq_6() {
+    the_inverse_depth_term_is_that_of(0.0, 1e-9);
+    // Here the depths' own single precision limits the agreement.
+    the_inverse_depth_term_is_that_of(0.002, 1e-6);
+}
+
+fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
+    let at = Estimate {
+        alpha: 2.0,
+        ..estimate(2)
+    };
+    let mut sequence = sequence(2);
+    let given = |u: f64| 0.4 + slope * u;
+    for frame in &mut sequence.frames {
+        frame.depth = Some(crate::image::DepthMap::from_fn(96, 80, |c, _| {
+            (1.0 / given(c as f64 + 0.5)) as f32
+        }));
+    }
+    let mut objective = objective(
+        &sequence,
+        &only(|o| (o.inverse_depth_weight, o.inverse_depth_huber) = (1000.0, 10.0)),
+        &at,
+    );
+    objective.set_alpha(3.0).unwrap();
+    let points = objective.points().unwrap();
+    let surfels = Surfels::new(&points);
+    let mut expected = 0.0;
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        let pose = at.camera_from_object(l);
+        let size = frame.image.size();
+        for v in visible_points(&points, &frame.camera, &pose, size, Some(&surfels)).points {
+            let pixel = (v.pixel.0 as usize, v.pixel.1 as usize);
+            if frame.mask[pixel] {
+                let x = Vector3::from_column_slice(&points[3 * v.point as usize..][..3]);
+                let u = frame.camera.project(&pose.transform(&x)).unwrap().x;
+                // In units in which α started at 1.
+                let residual = (given(u) - 3.0 * v.inverse_depth) / 2.0;
+                expected += 1000.0 / 2.0 * 0.5 * residual * residual;
+            }
+        }
+    }
+    let value = objective.evaluate().unwrap().inverse_depth;
+    assert!(
+        expected > 1.0 && (value - expected).abs() < accuracy * expected,
+        "{value} against {expected}"
+    );
+}
+
+/// Of five points all but the third lie inside both masks; the target sees 0, 1, 2, the source 1, 2, 3, and to the
+/// source point 0 is hidden.
+#[test]
+fn eq_4_takes_points_inside_both_masks_and_hidden_in_neither() {
+    let seen = |points: &[u32], unoccluded: [bool; 5]| Visibility {
+        points: points
+            .iter()
+            .map(|&point| crate::visibility::VisiblePoint {
+                pixel: (point, 0),
+                point,
+                inverse_depth: 1.0,
+            })
+            .collect(),
+        unoccluded: unoccluded.to_vec(),
+    };
+    let target = seen(&[0, 1, 2], [true; 5]);
+    let source = seen(&[1, 2, 3], [false, true, true, true, true]);
+    let inside = [true, true, false, true, true];
+    let taken = |covisible| photometric_points([&target, &source], [&inside, &[true; 5]], covisible);
+    assert_eq!(taken(true), (vec![1, 3], vec![2, 1]));
+    assert_eq!(taken(false), (vec![0, 1, 3], vec![1, 2, 1]));
+}
+
+#[test]
+fn a_shape_behind_a_camera_is_an_error() {
+    let sequence = sequence(2);
+    let mut objective = objective(&sequence, &ObjectiveOptions::default(), &estimate(2));
+    let mut behind = estimate(2);
+    behind.target_from_object.translation.z = -1.6;
+    objective.set_estimate(&behind).unwrap();
+    assert!(objective.evaluate().is_err());
+    assert!(objective.gradient().is_err());
+}
