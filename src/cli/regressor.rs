@@ -255,11 +255,5 @@ fn spread(whole: &Sequence, frames: usize) -> Sequence {
             }
         })
         .collect();
-    let mut part = whole.clone();
-    part.frames = chosen.iter().map(|&k| whole.frames[k].clone()).collect();
-    if let (Some(truth), Some(all)) = (&mut part.truth, &whole.truth) {
-        truth.camera_from_object = chosen.iter().map(|&k| all.camera_from_object[k]).collect();
-        truth.depth = chosen.iter().map(|&k| all.depth[k].clone()).collect();
-    }
-    part
+    whole.of_frames(&chosen)
 }
