@@ -17,10 +17,19 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         .cargo_metadata(false)
         .probe("eigen3")
         .map_err(|error| format!("Eigen is needed (Debian: libeigen3-dev): {error}"))?;
-    let sources = ["nearest", "state", "objective", "problem", "scaling", "solve"]
-        .map(|name| format!("cpp/src/{name}.cc"));
+    let sources = [
+        "bundle",
+        "logs",
+        "nearest",
+        "objective",
+        "problem",
+        "scaling",
+        "solve",
+        "state",
+    ]
+    .map(|name| format!("cpp/src/{name}.cc"));
     compile(
-        "src/bridge/ceres.rs",
+        &["src/bridge/bundle.rs", "src/bridge/ceres.rs"],
         &sources,
         &eigen.include_paths,
         "spba_ceres_cpp",
@@ -33,7 +42,7 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// OpenCV's core and imgproc only: `pkg-config --libs opencv4` would link every module it has.
+/// The modules of OpenCV in use only: `pkg-config --libs opencv4` would link every module it has.
 fn build_vision() -> Result<(), Box<dyn Error>> {
     let opencv = pkg_config::Config::new()
         .cargo_metadata(false)
@@ -43,24 +52,35 @@ fn build_vision() -> Result<(), Box<dyn Error>> {
             format!("OpenCV is needed (Debian: libopencv-dev), or --no-default-features: {error}")
         })?;
     compile(
-        "src/bridge/vision.rs",
-        &["cpp/vision/remap.cc".to_owned()],
+        &["src/bridge/vision.rs"],
+        &["features", "remap", "segment", "video"].map(|name| format!("cpp/vision/{name}.cc")),
         &opencv.include_paths,
         "spba_vision",
     )?;
     for path in &opencv.link_paths {
         println!("cargo:rustc-link-search=native={}", path.display());
     }
-    for library in ["opencv_imgproc", "opencv_core"] {
+    for library in [
+        "opencv_videoio",
+        "opencv_features2d",
+        "opencv_calib3d",
+        "opencv_imgproc",
+        "opencv_core",
+    ] {
         println!("cargo:rustc-link-lib={library}");
     }
     println!("cargo:rerun-if-changed=cpp/vision");
     Ok(())
 }
 
-/// One bridge and its C++ into one static library; warnings are errors, except in the libraries' headers.
-fn compile(bridge: &str, sources: &[String], includes: &[PathBuf], name: &str) -> Result<(), Box<dyn Error>> {
-    let mut build = cxx_build::bridge(bridge);
+/// Bridges and their C++ into one static library; warnings are errors, except in the libraries' headers.
+fn compile(
+    bridges: &[&str],
+    sources: &[String],
+    includes: &[PathBuf],
+    name: &str,
+) -> Result<(), Box<dyn Error>> {
+    let mut build = cxx_build::bridges(bridges);
     build
         .files(sources)
         .include("cpp/include")
@@ -73,6 +93,8 @@ fn compile(bridge: &str, sources: &[String], includes: &[PathBuf], name: &str) -
         build.flag(format!("-isystem{}", path.display()));
     }
     build.try_compile(name)?;
-    println!("cargo:rerun-if-changed={bridge}");
+    for bridge in bridges {
+        println!("cargo:rerun-if-changed={bridge}");
+    }
     Ok(())
 }

@@ -21,6 +21,8 @@ pub mod geometry;
 pub mod image;
 pub mod init;
 pub mod objective;
+#[cfg(feature = "vision")]
+pub mod prepare;
 pub mod prior;
 pub mod regressor;
 pub mod report;

@@ -1,41 +1,16 @@
 // Evaluating and minimising Eq. 9 with Ceres.
-#include <glog/logging.h>
-
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <stdexcept>
 
+#include "logs.h"
 #include "problem.h"
 #include "scaling.h"
 #include "spba-ceres/src/bridge/ceres.rs.h"
 
 namespace spba {
 namespace {
-
-// Sends Ceres's log lines to Rust instead of standard error and files.
-class RustLogSink : public google::LogSink {
- public:
-  void send(google::LogSeverity severity, const char*, const char*, int, const google::LogMessageTime&,
-            const char* message, size_t length) override {
-    log_message(severity, rust::Str(message, length));
-  }
-};
-
-void RouteLogs() {
-  static const bool routed = [] {
-    // A host that set glog up keeps its own destinations.
-    if (google::IsGoogleLoggingInitialized()) return false;
-    google::InitGoogleLogging("spba-ceres");
-    for (int severity = google::GLOG_INFO; severity < google::NUM_SEVERITIES; ++severity) {
-      google::SetLogDestination(severity, "");
-    }
-    FLAGS_stderrthreshold = google::NUM_SEVERITIES;
-    google::AddLogSink(new RustLogSink);
-    return true;
-  }();
-  (void)routed;
-}
 
 double Total(const Terms& terms) {
   return terms.photometric + terms.silhouette + terms.inverse_depth + terms.style;

@@ -5,24 +5,17 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <vector>
 
+#include "spba-ceres/cpp/vision/picture.h"
 #include "spba-ceres/src/bridge/vision.rs.h"
 
 namespace spba::vision {
 namespace {
 
 constexpr int kEntries = 128;
-
-// A view of pixels that are only read; cv::Mat has no const one.
-cv::Mat Gray(rust::Slice<const std::uint8_t> pixels, std::size_t width, std::size_t height) {
-  if (width == 0 || height == 0 || pixels.size() != width * height) {
-    throw std::invalid_argument("image and size differ");
-  }
-  return cv::Mat(static_cast<int>(height), static_cast<int>(width), CV_8U,
-                 const_cast<std::uint8_t*>(pixels.data()));
-}
 
 cv::Mat Descriptors(rust::Slice<const float> entries) {
   if (entries.size() % kEntries != 0) throw std::invalid_argument("descriptors of another length");
@@ -52,18 +45,21 @@ Found ToFound(const cv::Matx33d& rotation, const cv::Vec3d& translation) {
 }  // namespace
 
 rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<const std::uint8_t> mask,
-                          std::size_t width, std::size_t height, double contrast, std::size_t most,
+                          std::size_t width, std::size_t height, const DetectOptions& options,
                           rust::Vec<float>& descriptors) {
-  const auto sift = cv::SIFT::create(static_cast<int>(most), 3, contrast);
+  const auto sift = cv::SIFT::create(static_cast<int>(options.most), 3, options.contrast);
+  cv::Mat larger, where;
+  cv::resize(ToMat(gray, width, height), larger, cv::Size(), options.zoom, options.zoom, cv::INTER_CUBIC);
+  cv::resize(ToMat(mask, width, height), where, larger.size(), 0.0, 0.0, cv::INTER_NEAREST);
   std::vector<cv::KeyPoint> points;
   cv::Mat rows;
-  sift->detectAndCompute(Gray(gray, width, height), Gray(mask, width, height), points, rows);
+  sift->detectAndCompute(larger, where, points, rows);
   rust::Vec<Feature> features;
   features.reserve(points.size());
   descriptors.reserve(points.size() * kEntries);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const cv::KeyPoint& point = points[i];
-    features.push_back({point.pt.x + 0.5, point.pt.y + 0.5, point.size});
+    features.push_back({(point.pt.x + 0.5) / options.zoom, (point.pt.y + 0.5) / options.zoom});
     const float* row = rows.ptr<float>(static_cast<int>(i));
     float sum = 0.0f;
     for (int k = 0; k < kEntries; ++k) sum += row[k];

@@ -8,13 +8,14 @@
 
 namespace spba::vision {
 
+struct DetectOptions;
 struct Feature;
 struct Match;
 struct Found;
 
 // All throw std::exception where sizes do not match or OpenCV refuses.
 rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<const std::uint8_t> mask,
-                          std::size_t width, std::size_t height, double contrast, std::size_t most,
+                          std::size_t width, std::size_t height, const DetectOptions& options,
                           rust::Vec<float>& descriptors);
 rust::Vec<Match> match(rust::Slice<const float> a, rust::Slice<const float> b, float ratio);
 Found two_views(rust::Slice<const double> a, rust::Slice<const double> b, double threshold,

@@ -3,6 +3,7 @@
 
 #![allow(unsafe_code)]
 
+pub mod bundle;
 pub mod ceres;
 #[cfg(feature = "vision")]
 pub mod vision;

@@ -5,6 +5,8 @@ mod eval;
 mod import;
 mod input;
 mod inspect;
+#[cfg(feature = "vision")]
+mod prepare;
 mod prior;
 mod progress;
 mod regressor;
@@ -27,6 +29,8 @@ struct Cli {
 #[derive(Subcommand)]
 enum Verb {
     Solve(Box<solve::Args>),
+    #[cfg(feature = "vision")]
+    Prepare(prepare::Args),
     Inspect(inspect::Args),
     Import(import::Args),
     Eval(eval::Args),
@@ -48,6 +52,8 @@ pub fn run() -> ExitCode {
         .init();
     let outcome = match Cli::parse().verb {
         Verb::Solve(args) => solve::run(&args),
+        #[cfg(feature = "vision")]
+        Verb::Prepare(args) => prepare::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Import(args) => import::run(&args),
         Verb::Eval(args) => eval::run(&args),

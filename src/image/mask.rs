@@ -23,6 +23,22 @@ impl Mask {
             .count()
     }
 
+    /// Columns and rows that hold the object: \[left, top, right, bottom\], the last two exclusive. `None` of an empty mask.
+    pub fn bounds(&self) -> Option<[usize; 4]> {
+        let width = self.width();
+        let inside = self.data().iter().enumerate().filter(|(_, inside)| **inside);
+        inside.fold(None, |bounds: Option<[usize; 4]>, (i, _)| {
+            let (column, row) = (i % width, i / width);
+            let [left, top, right, bottom] = bounds.unwrap_or([column, row, column, row]);
+            Some([
+                left.min(column),
+                top.min(row),
+                right.max(column + 1),
+                bottom.max(row + 1),
+            ])
+        })
+    }
+
     /// Number of 8-connected object parts.
     pub fn part_count(&self) -> usize {
         let (width, height) = self.size();

@@ -1,0 +1,64 @@
+// Reprojection error of a free point in a free camera with a free focal length: classic bundle adjustment, which prepares poses
+// from features before Eq. 9 takes over.
+#ifndef SPBA_REPROJECTION_H_
+#define SPBA_REPROJECTION_H_
+
+#include <ceres/autodiff_cost_function.h>
+
+#include <cmath>
+
+#include "spba/camera.h"
+
+namespace spba {
+
+// residual[2] in pixels of camera_from_world[6], point[3] (world) and zoom[1], which multiplies fx and fy. False behind the camera.
+class Reprojection {
+ public:
+  Reprojection(const Pinhole& camera, double x, double y) : camera_(camera), x_(x), y_(y) {}
+
+  static ceres::CostFunction* Create(const Pinhole& camera, double x, double y) {
+    return new ceres::AutoDiffCostFunction<Reprojection, 2, 6, 3, 1>(new Reprojection(camera, x, y));
+  }
+
+  template <typename T>
+  bool operator()(const T* camera_from_world, const T* point, const T* zoom, T* residual) const {
+    T point_in_camera[3];
+    PointInTarget(camera_from_world, point, point_in_camera);
+    // A zoom is a camera that sees everything as much wider.
+    point_in_camera[0] *= zoom[0];
+    point_in_camera[1] *= zoom[0];
+    if (!Project(camera_, point_in_camera, residual)) return false;
+    residual[0] -= x_;
+    residual[1] -= y_;
+    return true;
+  }
+
+ private:
+  Pinhole camera_;
+  double x_, y_;
+};
+
+// What is known of a focal length beforehand: residual[1] = log(zoom) / deviation.
+class ZoomPrior {
+ public:
+  explicit ZoomPrior(double deviation) : deviation_(deviation) {}
+
+  static ceres::CostFunction* Create(double deviation) {
+    return new ceres::AutoDiffCostFunction<ZoomPrior, 1, 1>(new ZoomPrior(deviation));
+  }
+
+  template <typename T>
+  bool operator()(const T* zoom, T* residual) const {
+    using std::log;
+    if (!(zoom[0] > T(0.0))) return false;
+    residual[0] = log(zoom[0]) / deviation_;
+    return true;
+  }
+
+ private:
+  double deviation_;
+};
+
+}  // namespace spba
+
+#endif  // SPBA_REPROJECTION_H_

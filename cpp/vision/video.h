@@ -1,0 +1,34 @@
+// Decoding video with OpenCV. See src/bridge/vision.rs for shapes and conventions.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <opencv2/videoio.hpp>
+
+#include "rust/cxx.h"
+
+namespace spba::vision {
+
+struct Picture;
+
+class Video {
+ public:
+  explicit Video(cv::VideoCapture capture) : capture_(std::move(capture)) {}
+  // False at the end, or where no further frame can be decoded. The picture is RGB.
+  bool next(Picture& picture);
+
+ private:
+  cv::VideoCapture capture_;
+};
+
+// Null where the file is no video that OpenCV can decode.
+std::unique_ptr<Video> open_video(rust::Str path);
+
+// How sharp a picture is: the variance of its Laplacian, larger is sharper.
+double sharpness(const Picture& picture);
+
+// The picture at another size, averaged over what each pixel covers.
+Picture resized(const Picture& picture, std::size_t width, std::size_t height);
+
+}  // namespace spba::vision

@@ -1,0 +1,44 @@
+//! Classic bundle adjustment of features with Ceres.
+
+#[cxx::bridge(namespace = "spba")]
+pub mod ffi {
+    /// A point where a camera sees it, in pixels.
+    #[derive(Clone, Copy, Debug)]
+    struct Observation {
+        camera: u32,
+        point: u32,
+        x: f64,
+        y: f64,
+    }
+
+    /// All that is adjusted, and what it is adjusted to.
+    #[derive(Clone, Debug)]
+    struct Bundle {
+        /// camera_from_world: six numbers each, axis times angle and translation. The first is the frame of the world.
+        cameras: Vec<f64>,
+        /// In the world: three numbers each.
+        points: Vec<f64>,
+        /// Multiplies fx and fy of all cameras.
+        zoom: f64,
+        observations: Vec<Observation>,
+    }
+
+    struct BundleOptions {
+        fx: f64,
+        fy: f64,
+        cx: f64,
+        cy: f64,
+        /// Cauchy scale of a reprojection error, in pixels.
+        loss_width: f64,
+        /// How well the focal length is known, as the standard deviation of the zoom's logarithm; 0 keeps it.
+        zoom_deviation: f64,
+        max_iterations: u32,
+    }
+
+    unsafe extern "C++" {
+        include!("bundle.h");
+
+        /// Minimises the reprojection errors; the first camera stays where it is, and the second as far from it. Half their sum of squares, under the loss.
+        fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<f64>;
+    }
+}

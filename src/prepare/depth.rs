@@ -1,0 +1,430 @@
+//! Semi-dense depth inside the masks by a plane sweep: every pixel with texture takes the plane, parallel to the image, on which
+//! its surroundings look most alike in other frames, if those frames find the same point.
+
+use super::motion::Motion;
+use crate::geometry::{Pinhole, Pose, Vector3};
+use crate::image::{DepthMap, Grid, Mask, RgbImage};
+use rayon::prelude::*;
+
+/// What can be chosen.
+#[derive(Clone, Debug)]
+pub struct DepthOptions {
+    /// Planes, evenly in inverse depth.
+    pub planes: usize,
+    /// Frames that each is compared with.
+    pub neighbours: usize,
+    /// Half a side of the compared patches, in pixels.
+    pub radius_px: usize,
+    /// Normalised cross-correlation below which nothing is alike.
+    pub least_likeness: f32,
+    /// Share of a depth by which another frame's may differ.
+    pub agreement: f64,
+    /// Other frames that must agree.
+    pub agreeing: usize,
+    /// Standard deviation of a patch, in grey levels, below which it has no texture.
+    pub least_texture: f32,
+}
+
+impl Default for DepthOptions {
+    fn default() -> Self {
+        Self {
+            planes: 128,
+            neighbours: 6,
+            radius_px: 3,
+            least_likeness: 0.75,
+            agreement: 0.01,
+            agreeing: 2,
+            least_texture: 4.0,
+        }
+    }
+}
+
+/// Frames to compare see the object from angles apart by this many degrees.
+const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
+/// The likeness of the best frames counts: what one frame sees another may not.
+const BEST: usize = 2;
+
+/// One frame of the sweep.
+struct Swept<'a> {
+    gray: Grid<f32>,
+    mask: &'a Mask,
+    /// Of the mask.
+    bounds: [usize; 4],
+    camera_from_input: Pose,
+    /// Nearest and farthest inverse depth of the object.
+    inverse_depth: [f64; 2],
+}
+
+/// A depth map for every placed frame, in the motion's units; `None` for the others. `done` hears of every frame.
+pub fn sweep(
+    images: &[(&RgbImage, &Mask)],
+    motion: &Motion,
+    options: &DepthOptions,
+    done: &(dyn Fn() + Sync),
+) -> Vec<Option<DepthMap>> {
+    let swept: Vec<Option<Swept>> = images
+        .iter()
+        .zip(&motion.camera_from_input)
+        .enumerate()
+        .map(|(frame, ((image, mask), pose))| {
+            let camera_from_input = (*pose)?;
+            Some(Swept {
+                gray: gray(image),
+                bounds: mask.bounds()?,
+                mask,
+                inverse_depth: range(motion, frame, &camera_from_input)?,
+                camera_from_input,
+            })
+        })
+        .collect();
+    let centre = motion.points.iter().sum::<Vector3<f64>>() / motion.points.len().max(1) as f64;
+    let neighbours: Vec<Vec<usize>> = (0..swept.len())
+        .map(|frame| neighbours(&swept, frame, &centre, options.neighbours))
+        .collect();
+    let first: Vec<Option<DepthMap>> = (0..swept.len())
+        .into_par_iter()
+        .map(|frame| {
+            let target = swept[frame].as_ref()?;
+            let others: Vec<&Swept> = neighbours[frame]
+                .iter()
+                .filter_map(|&k| swept[k].as_ref())
+                .collect();
+            let depth = best_planes(target, &others, &motion.camera, options);
+            done();
+            Some(depth)
+        })
+        .collect();
+    (0..swept.len())
+        .into_par_iter()
+        .map(|frame| {
+            let (target, depth) = (swept[frame].as_ref()?, first[frame].as_ref()?);
+            let others: Vec<(Pose, &DepthMap)> = neighbours[frame]
+                .iter()
+                .filter_map(|&k| {
+                    let other_from_target = swept[k]
+                        .as_ref()?
+                        .camera_from_input
+                        .after(&target.camera_from_input.inverse());
+                    Some((other_from_target, first[k].as_ref()?))
+                })
+                .collect();
+            Some(agreed(depth, &others, &motion.camera, options))
+        })
+        .collect()
+}
+
+fn gray(image: &RgbImage) -> Grid<f32> {
+    Grid::from_fn(image.width(), image.height(), |column, row| {
+        let [r, g, b] = image[(column, row)];
+        0.299 * r + 0.587 * g + 0.114 * b
+    })
+}
+
+/// The inverse depths between which the object lies, from its points: those that the frame sees, and a margin.
+fn range(motion: &Motion, frame: usize, camera_from_input: &Pose) -> Option<[f64; 2]> {
+    let mut inverse: Vec<f64> = motion
+        .points
+        .iter()
+        .zip(&motion.seen_in)
+        .filter(|(_, seen_in)| seen_in.contains(&(frame as u32)))
+        .map(|(point, _)| 1.0 / camera_from_input.transform(point).z)
+        .filter(|inverse| *inverse > 0.0)
+        .collect();
+    if inverse.len() < 5 {
+        return None;
+    }
+    inverse.sort_by(f64::total_cmp);
+    let at = |share: f64| inverse[(share * (inverse.len() - 1) as f64).round() as usize];
+    let (low, high) = (at(0.02), at(0.98));
+    let margin = 0.35 * (high - low);
+    Some([(low - margin).max(0.3 * low), high + margin])
+}
+
+/// The frames that see the object from other angles, but not too different ones; evenly from both sides.
+fn neighbours(swept: &[Option<Swept>], frame: usize, centre: &Vector3<f64>, count: usize) -> Vec<usize> {
+    let ray = |k: usize| Some((swept[k].as_ref()?.camera_from_input.center() - centre).normalize());
+    let Some(own) = ray(frame) else {
+        return Vec::new();
+    };
+    let mut fit: Vec<(f64, usize)> = (0..swept.len())
+        .filter(|&k| k != frame)
+        .filter_map(|k| {
+            let other = ray(k)?;
+            let angle = own.cross(&other).norm().atan2(own.dot(&other)).to_degrees();
+            let wanted = 8.0;
+            (ANGLES_DEG[0]..ANGLES_DEG[1])
+                .contains(&angle)
+                .then_some(((angle / wanted).ln().abs(), k))
+        })
+        .collect();
+    fit.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    fit.into_iter().take(count).map(|(_, k)| k).collect()
+}
+
+/// Per pixel, the depth at which the best frames see what the target sees; 0 where none does.
+fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &DepthOptions) -> DepthMap {
+    let mut depth = Grid::filled(target.gray.width(), target.gray.height(), 0.0f32);
+    if others.is_empty() {
+        return depth;
+    }
+    // What lies about the mask is all that is looked at.
+    let [left, top, right, bottom] = target.bounds;
+    let (left, top) = (
+        left.saturating_sub(options.radius_px),
+        top.saturating_sub(options.radius_px),
+    );
+    let (right, bottom) = (
+        (right + options.radius_px).min(depth.width()),
+        (bottom + options.radius_px).min(depth.height()),
+    );
+    let (width, height) = (right - left, bottom - top);
+    let gray = Grid::from_fn(width, height, |column, row| {
+        target.gray[(left + column, top + row)]
+    });
+    let [low, high] = target.inverse_depth;
+    let step = (high - low) / (options.planes - 1) as f64;
+    let own = Moments::of(&gray, options.radius_px);
+    let wanted: Vec<usize> = (0..width * height)
+        .filter(|&i| target.mask[(left + i % width, top + i / width)])
+        .filter(|&i| own.variance[i] > options.least_texture.powi(2))
+        .collect();
+    let mut scores = vec![0.0f32; wanted.len() * options.planes];
+    let mut likeness = vec![[f32::NEG_INFINITY; BEST]; wanted.len()];
+    for plane in 0..options.planes {
+        let inverse_depth = low + step * plane as f64;
+        likeness.fill([f32::NEG_INFINITY; BEST]);
+        for other in others {
+            let other_from_target = other.camera_from_input.after(&target.camera_from_input.inverse());
+            let warped = warped(
+                &other.gray,
+                [left, top, width, height],
+                camera,
+                &other_from_target,
+                inverse_depth,
+            );
+            let correlated = own.correlations(&gray, &warped, options.radius_px);
+            for (best, &i) in likeness.iter_mut().zip(&wanted) {
+                let value = correlated[i];
+                if value > best[0] {
+                    *best = [value, best[0]];
+                } else if value > best[1] {
+                    best[1] = value;
+                }
+            }
+        }
+        for (k, best) in likeness.iter().enumerate() {
+            let known: Vec<f32> = best.iter().copied().filter(|value| value.is_finite()).collect();
+            scores[k * options.planes + plane] = if known.is_empty() {
+                -1.0
+            } else {
+                known.iter().sum::<f32>() / known.len() as f32
+            };
+        }
+    }
+    for (scores, i) in scores.chunks_exact(options.planes).zip(wanted) {
+        if let Some(plane) = peak(scores, options.least_likeness) {
+            depth[(left + i % width, top + i / width)] = (1.0 / (low + step * plane)) as f32;
+        }
+    }
+    depth
+}
+
+/// Where the scores have one clear maximum, between planes.
+fn peak(scores: &[f32], least: f32) -> Option<f64> {
+    let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
+    if best == 0 || best + 1 >= scores.len() || scores[best] < least {
+        return None;
+    }
+    // Another peak as high says that the texture repeats.
+    let apart = scores
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| k.abs_diff(best) > 4)
+        .any(|(k, &score)| {
+            score > scores[best] - 0.05
+                && score >= scores[k.saturating_sub(1)]
+                && score >= scores[(k + 1).min(scores.len() - 1)]
+        });
+    if apart {
+        return None;
+    }
+    let [before, at, after] = [scores[best - 1], scores[best], scores[best + 1]].map(f64::from);
+    let bend = before - 2.0 * at + after;
+    let offset = if bend < 0.0 {
+        0.5 * (before - after) / bend
+    } else {
+        0.0
+    };
+    Some(best as f64 + offset.clamp(-0.5, 0.5))
+}
+
+/// What another frame sees on a plane at this inverse depth before the target, within \[left, top, width, height\] of its picture; NaN
+/// beyond the other's border.
+fn warped(
+    other: &Grid<f32>,
+    [left, top, width, height]: [usize; 4],
+    camera: &Pinhole,
+    other_from_target: &Pose,
+    inverse_depth: f64,
+) -> Grid<f32> {
+    let camera_matrix = camera.matrix();
+    let rotation = other_from_target.rotation.matrix();
+    // x_other ~ R x / z + t / z: the translation acts on the plane's third row alone.
+    let mut motion = *rotation;
+    for row in 0..3 {
+        motion[(row, 2)] += other_from_target.translation[row] * inverse_depth;
+    }
+    let Some(inverse) = camera_matrix.try_inverse() else {
+        return Grid::filled(width, height, f32::NAN);
+    };
+    let homography = camera_matrix * motion * inverse;
+    let (last_column, last_row) = (other.width() as f64 - 1.0, other.height() as f64 - 1.0);
+    Grid::from_fn(width, height, |column, row| {
+        let seen = homography * Vector3::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5, 1.0);
+        let (u, v) = (seen.x / seen.z - 0.5, seen.y / seen.z - 0.5);
+        if !(seen.z > 0.0 && u >= 0.0 && v >= 0.0 && u < last_column && v < last_row) {
+            return f32::NAN;
+        }
+        let (c, r) = (u as usize, v as usize);
+        let (x, y) = ((u - c as f64) as f32, (v - r as f64) as f32);
+        let at = |c: usize, r: usize| other[(c, r)];
+        let (top, bottom) = (
+            at(c, r) + x * (at(c + 1, r) - at(c, r)),
+            at(c, r + 1) + x * (at(c + 1, r + 1) - at(c, r + 1)),
+        );
+        top + y * (bottom - top)
+    })
+}
+
+/// Means and variances over a patch around every pixel.
+struct Moments {
+    mean: Vec<f32>,
+    variance: Vec<f32>,
+}
+
+impl Moments {
+    fn of(image: &Grid<f32>, radius: usize) -> Self {
+        let mean = boxed(image.data(), image.size(), radius);
+        let squares: Vec<f32> = image.data().iter().map(|x| x * x).collect();
+        let variance = boxed(&squares, image.size(), radius)
+            .iter()
+            .zip(&mean)
+            .map(|(square, mean)| square - mean * mean)
+            .collect();
+        Self { mean, variance }
+    }
+
+    /// Normalised cross-correlation with another image, per pixel; −1 where it is not known.
+    fn correlations(&self, own: &Grid<f32>, other: &Grid<f32>, radius: usize) -> Vec<f32> {
+        let known: Grid<f32> = Grid::from_fn(other.width(), other.height(), |column, row| {
+            let value = other[(column, row)];
+            if value.is_nan() { 0.0 } else { value }
+        });
+        let theirs = Self::of(&known, radius);
+        let products: Vec<f32> = own.data().iter().zip(known.data()).map(|(a, b)| a * b).collect();
+        boxed(&products, own.size(), radius)
+            .iter()
+            .enumerate()
+            .map(|(i, product)| {
+                let spread = self.variance[i].max(0.0) * theirs.variance[i].max(0.0);
+                if other.data()[i].is_nan() || spread < 1e-2 {
+                    return -1.0;
+                }
+                (product - self.mean[i] * theirs.mean[i]) / spread.sqrt()
+            })
+            .collect()
+    }
+}
+
+/// The mean over a patch around every pixel, cut off at the border.
+fn boxed(values: &[f32], (width, height): (usize, usize), radius: usize) -> Vec<f32> {
+    let mut sums = vec![0.0f64; (width + 1) * (height + 1)];
+    for row in 0..height {
+        let mut line = 0.0;
+        for column in 0..width {
+            line += f64::from(values[row * width + column]);
+            sums[(row + 1) * (width + 1) + column + 1] = sums[row * (width + 1) + column + 1] + line;
+        }
+    }
+    let mut means = Vec::with_capacity(values.len());
+    for row in 0..height {
+        let (top, bottom) = (row.saturating_sub(radius), (row + radius + 1).min(height));
+        for column in 0..width {
+            let (left, right) = (column.saturating_sub(radius), (column + radius + 1).min(width));
+            let at = |column: usize, row: usize| sums[row * (width + 1) + column];
+            let sum = at(right, bottom) - at(left, bottom) - at(right, top) + at(left, top);
+            means.push((sum / ((right - left) * (bottom - top)) as f64) as f32);
+        }
+    }
+    means
+}
+
+/// What enough other frames find, too.
+fn agreed(
+    depth: &DepthMap,
+    others: &[(Pose, &DepthMap)],
+    camera: &Pinhole,
+    options: &DepthOptions,
+) -> DepthMap {
+    let needed = options.agreeing.min(others.len()).max(1);
+    Grid::from_fn(depth.width(), depth.height(), |column, row| {
+        let z = depth[(column, row)];
+        if z <= 0.0 {
+            return 0.0;
+        }
+        let pixel = nalgebra::Vector2::new(column as f64 + 0.5, row as f64 + 0.5);
+        let point = camera.unproject(&pixel, f64::from(z));
+        let agreeing = others
+            .iter()
+            .filter(|(other_from_target, other)| {
+                let seen = other_from_target.transform(&point);
+                camera
+                    .project(&seen)
+                    .and_then(|pixel| other.pixel_at(pixel.x, pixel.y))
+                    .is_some_and(|at| {
+                        let theirs = f64::from(other[at]);
+                        theirs > 0.0 && (theirs - seen.z).abs() < options.agreement * seen.z
+                    })
+            })
+            .count();
+        if agreeing >= needed { z } else { 0.0 }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_is_the_mean_of_what_it_covers() {
+        let values: Vec<f32> = (0..12).map(|i| i as f32).collect();
+        let means = boxed(&values, (4, 3), 1);
+        assert_eq!(means[5], 5.0);
+        assert_eq!(means[0], (0.0 + 1.0 + 4.0 + 5.0) / 4.0);
+        assert_eq!(means[11], (6.0 + 7.0 + 10.0 + 11.0) / 4.0);
+    }
+
+    #[test]
+    fn a_peak_is_found_between_planes_unless_there_are_two() {
+        let bump = |at: f64| {
+            (0..40)
+                .map(|k| 1.0 - 0.05 * ((f64::from(k) - at) as f32).powi(2))
+                .collect::<Vec<f32>>()
+        };
+        assert!((peak(&bump(17.3), 0.8).unwrap() - 17.3).abs() < 1e-5);
+        assert_eq!(peak(&bump(0.0), 0.8), None, "at the end of the range");
+        let twice: Vec<f32> = bump(10.0).iter().zip(bump(30.0)).map(|(a, b)| a.max(b)).collect();
+        assert_eq!(peak(&twice, 0.8), None);
+        assert_eq!(peak(&[0.5; 5], 0.8), None);
+    }
+
+    #[test]
+    fn correlation_does_not_see_contrast_or_brightness() {
+        let image = Grid::from_fn(12, 12, |c, r| ((c * 7 + r * 13) % 17) as f32);
+        let other = Grid::from_fn(12, 12, |c, r| 3.0 * image[(c, r)] + 20.0);
+        let own = Moments::of(&image, 2);
+        for value in own.correlations(&image, &other, 2) {
+            assert!((value - 1.0).abs() < 1e-3, "{value}");
+        }
+    }
+}

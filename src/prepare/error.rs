@@ -1,0 +1,52 @@
+//! Why an input cannot be prepared. One line each: what, why, mend.
+
+use super::motion::MotionError;
+use crate::image::ImageError;
+use crate::sequence::SequenceError;
+use std::path::PathBuf;
+
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    #[error("{}: no such file or folder; correct its path", .0.display())]
+    Missing(PathBuf),
+    #[error("{}: cannot be read ({source}); check its permissions", .file.display())]
+    Read { file: PathBuf, source: std::io::Error },
+    #[error("{}: no video that OpenCV can decode; export it again as MP4 (H.264), or give a folder of its frames", .0.display())]
+    NoVideo(PathBuf),
+    #[error("{}: {found} frames, at least two are needed; {mend}", .input.display())]
+    TooFew {
+        input: PathBuf,
+        found: usize,
+        mend: &'static str,
+    },
+    #[error("{}: {} × {} pixels, but most are {} × {}; leave it out or scale it", .file.display(), .found.0, .found.1, .expected.0, .expected.1)]
+    MixedSizes {
+        file: PathBuf,
+        found: (usize, usize),
+        expected: (usize, usize),
+    },
+    #[error("{option}: {problem}; {mend}")]
+    Option {
+        option: &'static str,
+        problem: String,
+        mend: &'static str,
+    },
+    #[error("frame {frame}: no object found in it; give --box x,y,w,h, or masks")]
+    NoObject { frame: String },
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    #[error(transparent)]
+    Sequence(#[from] SequenceError),
+    #[error("OpenCV: {0}")]
+    OpenCv(String),
+    #[error("interrupted; what was done is kept, the same command goes on")]
+    Interrupted,
+}
+
+impl From<cxx::Exception> for PrepareError {
+    fn from(error: cxx::Exception) -> Self {
+        Self::OpenCv(crate::image::one_line(error.what()))
+    }
+}

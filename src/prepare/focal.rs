@@ -1,0 +1,148 @@
+//! Which focal length, and how it is known.
+
+use super::photos::FILM_DIAGONAL_MM;
+use super::{Photo, PrepareError};
+use crate::geometry::Pinhole;
+use std::str::FromStr;
+
+/// As the user gives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Focal {
+    /// In pixels of the pictures as they are given to `prepare`, before they are made smaller.
+    Pixels(f64),
+    /// Equivalent on 35 mm film.
+    Millimetres(f64),
+}
+
+impl FromStr for Focal {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (number, millimetres) = match text.strip_suffix("mm") {
+            Some(number) => (number, true),
+            None => (text.strip_suffix("px").unwrap_or(text), false),
+        };
+        match number.trim().parse::<f64>() {
+            Ok(value) if value.is_finite() && value > 0.0 => Ok(if millimetres {
+                Self::Millimetres(value)
+            } else {
+                Self::Pixels(value)
+            }),
+            _ => Err("give pixels (1200) or its equivalent on 35 mm film (26mm)".into()),
+        }
+    }
+}
+
+/// How a focal length is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FocalSource {
+    Flag,
+    Exif,
+    /// Neither: found with the motion.
+    Refined,
+}
+
+impl FocalSource {
+    /// How well it is known: the standard deviation of its logarithm. EXIF data round, and lenses breathe with the distance.
+    pub fn deviation(self) -> f64 {
+        match self {
+            Self::Flag => 0.02,
+            Self::Exif => 0.05,
+            Self::Refined => 1.0,
+        }
+    }
+
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Flag => "from --focal",
+            Self::Exif => "from EXIF data",
+            Self::Refined => "found with the motion: give --focal if you know it",
+        }
+    }
+}
+
+/// Focal lengths tried where nothing is known, in longer sides of the picture: a phone's to a tele lens's.
+const GUESSES: [f64; 4] = [0.8, 1.3, 2.2, 5.0];
+
+/// The cameras to try, centred, and how their focal length is known. `shrunk` is the pictures' size over that of the originals.
+///
+/// # Errors
+/// Photos whose EXIF data disagree.
+pub fn cameras(
+    photos: &[Photo],
+    flag: Option<Focal>,
+    shrunk: f64,
+) -> Result<(Vec<Pinhole>, FocalSource), PrepareError> {
+    let (width, height) = photos.first().map_or((1, 1), |photo| photo.image.size());
+    let (width, height) = (width as f64, height as f64);
+    let camera = |focal_px: f64| Pinhole {
+        fx: focal_px,
+        fy: focal_px,
+        cx: width / 2.0,
+        cy: height / 2.0,
+    };
+    if let Some(flag) = flag {
+        let focal_px = match flag {
+            Focal::Pixels(px) => px * shrunk,
+            Focal::Millimetres(mm) => mm / FILM_DIAGONAL_MM * width.hypot(height),
+        };
+        return Ok((vec![camera(focal_px)], FocalSource::Flag));
+    }
+    let known: Vec<f64> = photos.iter().filter_map(|photo| photo.focal_px).collect();
+    if known.len() == photos.len() && !known.is_empty() {
+        let (least, most) = known.iter().fold((f64::INFINITY, 0.0f64), |(least, most), &px| {
+            (least.min(px), most.max(px))
+        });
+        if most > 1.01 * least {
+            return Err(PrepareError::Option {
+                option: "--focal",
+                problem: format!("EXIF data say {least:.0} to {most:.0} pixels: the lens was zoomed"),
+                mend: "give photos taken with one focal length",
+            });
+        }
+        return Ok((vec![camera(least)], FocalSource::Exif));
+    }
+    let guesses = GUESSES.map(|guess| camera(guess * width.max(height)));
+    Ok((guesses.to_vec(), FocalSource::Refined))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Grid;
+
+    fn photo(focal_px: Option<f64>) -> Photo {
+        Photo {
+            name: "a".into(),
+            image: Grid::filled(300, 400, [0.0; 3]),
+            seconds: None,
+            focal_px,
+        }
+    }
+
+    #[test]
+    fn a_flag_comes_before_exif_data_and_those_before_guesses() {
+        let photos = [photo(Some(500.0)), photo(Some(501.0))];
+        let (found, source) = cameras(&photos, Some("1000".parse().unwrap()), 0.5).unwrap();
+        assert_eq!(
+            (found[0].fx, found[0].cx, found[0].cy, source),
+            (500.0, 150.0, 200.0, FocalSource::Flag)
+        );
+        // The diagonal is 500 pixels.
+        let (found, _) = cameras(&photos, Some("43.2666153mm".parse().unwrap()), 0.5).unwrap();
+        assert!((found[0].fx - 500.0).abs() < 1e-4);
+        assert_eq!(cameras(&photos, None, 1.0).unwrap().1, FocalSource::Exif);
+        let (found, source) = cameras(&[photo(None), photo(Some(500.0))], None, 1.0).unwrap();
+        assert_eq!((found.len(), source), (GUESSES.len(), FocalSource::Refined));
+    }
+
+    #[test]
+    fn zoomed_photos_and_senseless_flags_are_refused() {
+        let photos = [photo(Some(500.0)), photo(Some(600.0))];
+        let message = cameras(&photos, None, 1.0).unwrap_err().to_string();
+        assert!(message.contains("500 to 600"), "{message}");
+        for wrong in ["", "-3", "nanmm", "wide", "0"] {
+            assert!(wrong.parse::<Focal>().is_err(), "{wrong}");
+        }
+    }
+}

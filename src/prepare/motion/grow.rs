@@ -1,0 +1,388 @@
+//! A reconstruction from two views that grows by one frame at a time, as COLMAP's does.
+
+use super::matching::{Matching, Pair};
+use super::points::triangulated;
+use super::tracks::{Seen, tracks};
+use super::{Motion, MotionError, MotionOptions};
+use crate::bridge::bundle::ffi::{self as bundle, Bundle, BundleOptions, Observation};
+use crate::bridge::vision::ffi::{self as vision, Found};
+use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector6};
+use rayon::prelude::*;
+
+/// A pair, or a frame, with fewer features in common is none.
+const FEWEST: usize = 12;
+/// Rays that meet at a smaller angle, in degrees, say nothing about depth.
+const LEAST_ANGLE_DEG: f64 = 1.5;
+/// A first pair should have rays that meet at such an angle; a smaller one counts for less.
+const START_ANGLE_DEG: f64 = 8.0;
+/// No point lies so near to a camera, in baselines of the first pair.
+const NEAREST: f64 = 0.2;
+/// Adjustments at the end, each after throwing out what does not fit.
+const ROUNDS: usize = 4;
+
+/// A pair whose matches fit one motion of the camera.
+struct Verified {
+    frames: [usize; 2],
+    matches: Vec<[u32; 2]>,
+    second_from_first: Pose,
+    /// Median angle at which rays meet.
+    angle_deg: f64,
+}
+
+pub struct Reconstruction<'a> {
+    matching: &'a Matching,
+    options: &'a MotionOptions,
+    camera: Pinhole,
+    /// Multiplies the camera's focal lengths.
+    zoom: f64,
+    poses: Vec<Option<Pose>>,
+    tracks: Vec<Vec<Seen>>,
+    points: Vec<Option<Vector3<f64>>>,
+    /// Frames in the order of their placing.
+    order: Vec<usize>,
+}
+
+impl<'a> Reconstruction<'a> {
+    /// Two views.
+    ///
+    /// # Errors
+    /// No pair with enough in common.
+    pub fn start(
+        matching: &'a Matching,
+        camera: &Pinhole,
+        options: &'a MotionOptions,
+    ) -> Result<Self, MotionError> {
+        let verified: Vec<Verified> = matching
+            .pairs
+            .par_iter()
+            .map(|pair| verified(matching, camera, pair, options.error_px * matching.pixel))
+            .collect::<Result<Vec<_>, _>>()?
+            .into_iter()
+            .flatten()
+            .collect();
+        let worth = |pair: &Verified| pair.matches.len() as f64 * (pair.angle_deg / START_ANGLE_DEG).min(1.0);
+        let best = verified
+            .iter()
+            .filter(|pair| pair.angle_deg > LEAST_ANGLE_DEG)
+            .max_by(|a, b| worth(a).total_cmp(&worth(b)))
+            .ok_or_else(|| MotionError::NoPair {
+                matched: matching
+                    .pairs
+                    .iter()
+                    .map(|pair| pair.matches.len())
+                    .max()
+                    .unwrap_or(0),
+            })?;
+        let counts: Vec<usize> = matching.features.iter().map(Vec::len).collect();
+        // Pairs with much in common decide first what belongs together.
+        let mut in_order: Vec<&Verified> = verified.iter().collect();
+        in_order.sort_by_key(|pair| std::cmp::Reverse(pair.matches.len()));
+        let tracks = tracks(
+            &counts,
+            in_order.iter().map(|pair| (pair.frames, pair.matches.as_slice())),
+        );
+        let mut poses = vec![None; counts.len()];
+        let [first, second] = best.frames;
+        poses[first] = Some(Pose::identity());
+        poses[second] = Some(best.second_from_first);
+        Ok(Self {
+            matching,
+            options,
+            camera: *camera,
+            zoom: 1.0,
+            poses,
+            points: vec![None; tracks.len()],
+            tracks,
+            order: vec![first, second],
+        })
+    }
+
+    /// All frames that can be placed.
+    pub fn grow(mut self) -> Result<Motion, MotionError> {
+        self.extend_points();
+        self.adjust(1)?;
+        let mut refused = vec![false; self.poses.len()];
+        while let Some(frame) = self.next(&refused) {
+            if self.place(frame)? {
+                refused.fill(false);
+                self.extend_points();
+                self.adjust(if self.order.len() < 10 || self.order.len().is_multiple_of(4) {
+                    1
+                } else {
+                    0
+                })?;
+            } else {
+                refused[frame] = true;
+            }
+        }
+        self.adjust(ROUNDS)?;
+        Ok(self.motion())
+    }
+
+    /// x and y on the plane z = 1 of a feature.
+    fn ray(&self, [frame, feature]: Seen) -> Vector2<f64> {
+        let [x, y] = self.matching.features[frame as usize][feature as usize];
+        let camera = self.zoomed();
+        Vector2::new((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy)
+    }
+
+    fn zoomed(&self) -> Pinhole {
+        Pinhole {
+            fx: self.zoom * self.camera.fx,
+            fy: self.zoom * self.camera.fy,
+            ..self.camera
+        }
+    }
+
+    /// How far from where a pose sees a point its feature is, in pixels; infinite at or behind the camera.
+    fn error(&self, pose: &Pose, point: &Vector3<f64>, [frame, feature]: Seen) -> f64 {
+        let [x, y] = self.matching.features[frame as usize][feature as usize];
+        let in_camera = pose.transform(point);
+        self.zoomed()
+            .project(&in_camera)
+            .filter(|_| in_camera.z > NEAREST)
+            .map_or(f64::INFINITY, |pixel| (pixel - Vector2::new(x, y)).norm())
+    }
+
+    fn tolerance(&self) -> f64 {
+        self.options.error_px * self.matching.pixel
+    }
+
+    /// The frame not yet placed that sees most points, unless it was refused or sees too few.
+    fn next(&self, refused: &[bool]) -> Option<usize> {
+        let mut counts = vec![0; self.poses.len()];
+        for (track, _) in self
+            .tracks
+            .iter()
+            .zip(&self.points)
+            .filter(|(_, point)| point.is_some())
+        {
+            track.iter().for_each(|seen| counts[seen[0] as usize] += 1);
+        }
+        (0..self.poses.len())
+            .filter(|&frame| self.poses[frame].is_none() && !refused[frame] && counts[frame] >= FEWEST)
+            .max_by_key(|&frame| (counts[frame], std::cmp::Reverse(frame)))
+    }
+
+    /// Whether the points that a frame sees tell where it stands.
+    fn place(&mut self, frame: usize) -> Result<bool, MotionError> {
+        let (mut points, mut rays) = (Vec::new(), Vec::new());
+        for (track, point) in self.tracks.iter().zip(&self.points) {
+            let (Some(point), Some(&seen)) = (point, track.iter().find(|seen| seen[0] as usize == frame))
+            else {
+                continue;
+            };
+            points.extend_from_slice(point.as_slice());
+            rays.extend_from_slice(self.ray(seen).as_slice());
+        }
+        let mut inliers = vec![0; points.len() / 3];
+        let threshold = self.tolerance() / self.zoomed().fx;
+        let found = vision::resect(&points, &rays, threshold, &mut inliers)?;
+        let count = inliers.iter().filter(|&&inlier| inlier != 0).count();
+        if !found.any || count < FEWEST {
+            return Ok(false);
+        }
+        let pose = pose_of(&found);
+        if !pose.to_twist().iter().all(|x| x.is_finite()) {
+            return Ok(false);
+        }
+        self.poses[frame] = Some(pose);
+        self.order.push(frame);
+        Ok(true)
+    }
+
+    /// Points of all tracks that have none, where placed frames see them well.
+    fn extend_points(&mut self) {
+        let found: Vec<Option<Vector3<f64>>> = self
+            .tracks
+            .par_iter()
+            .zip(&self.points)
+            .map(|(track, point)| point.or_else(|| self.point(track)))
+            .collect();
+        self.points = found;
+    }
+
+    fn point(&self, track: &[Seen]) -> Option<Vector3<f64>> {
+        let placed: Vec<(Seen, Pose)> = track
+            .iter()
+            .filter_map(|&seen| Some((seen, self.poses[seen[0] as usize]?)))
+            .collect();
+        let rays: Vec<_> = placed
+            .iter()
+            .map(|&(seen, pose)| (pose, self.ray(seen)))
+            .collect();
+        let (point, angle) = triangulated(&rays)?;
+        let fits = placed
+            .iter()
+            .all(|(seen, pose)| self.error(pose, &point, *seen) < self.tolerance());
+        (angle.to_degrees() > LEAST_ANGLE_DEG && fits).then_some(point)
+    }
+
+    /// So many adjustments of everything, each after throwing out what does not fit.
+    fn adjust(&mut self, rounds: usize) -> Result<(), MotionError> {
+        for _ in 0..rounds {
+            self.bundle()?;
+            for k in 0..self.tracks.len() {
+                let Some(point) = self.points[k] else {
+                    continue;
+                };
+                let fits = |seen: &Seen| match &self.poses[seen[0] as usize] {
+                    Some(pose) => self.error(pose, &point, *seen) < self.tolerance(),
+                    None => true,
+                };
+                let kept: Vec<Seen> = self.tracks[k].iter().filter(|seen| fits(seen)).copied().collect();
+                let placed = kept
+                    .iter()
+                    .filter(|seen| self.poses[seen[0] as usize].is_some())
+                    .count();
+                if placed < 2 {
+                    self.points[k] = None;
+                }
+                self.tracks[k] = kept;
+            }
+            self.extend_points();
+        }
+        Ok(())
+    }
+
+    fn bundle(&mut self) -> Result<(), MotionError> {
+        let mut place = vec![None; self.poses.len()];
+        let mut cameras = Vec::with_capacity(6 * self.order.len());
+        for (k, &frame) in self.order.iter().enumerate() {
+            place[frame] = Some(k as u32);
+            let pose = self.poses[frame].unwrap_or_else(Pose::identity);
+            cameras.extend_from_slice(pose.to_twist().as_slice());
+        }
+        let (mut points, mut observations, mut used) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, (track, point)) in self.tracks.iter().zip(&self.points).enumerate() {
+            let Some(point) = point else {
+                continue;
+            };
+            for &seen in track {
+                let [frame, feature] = seen.map(|index| index as usize);
+                let (Some(camera), Some(pose)) = (place[frame], &self.poses[frame]) else {
+                    continue;
+                };
+                // A wrong match may put its point behind or into the camera, whence nothing leads back.
+                if self.error(pose, point, seen).is_finite() {
+                    let [x, y] = self.matching.features[frame][feature];
+                    observations.push(Observation {
+                        camera,
+                        point: used.len() as u32,
+                        x,
+                        y,
+                    });
+                }
+            }
+            points.extend_from_slice(point.as_slice());
+            used.push(k);
+        }
+        let mut bundle = Bundle {
+            cameras,
+            points,
+            zoom: self.zoom,
+            observations,
+        };
+        let options = BundleOptions {
+            fx: self.camera.fx,
+            fy: self.camera.fy,
+            cx: self.camera.cx,
+            cy: self.camera.cy,
+            loss_width: 0.5 * self.tolerance(),
+            // From few frames a focal length cannot be told from a distance.
+            zoom_deviation: if self.order.len() > 4 {
+                self.options.focal_deviation
+            } else {
+                0.0
+            },
+            max_iterations: 40,
+        };
+        bundle::adjust(&mut bundle, &options)?;
+        self.zoom = bundle.zoom;
+        for (twist, &frame) in bundle.cameras.chunks_exact(6).zip(&self.order) {
+            self.poses[frame] = Some(Pose::from_twist(&Vector6::from_column_slice(twist)));
+        }
+        for (point, k) in bundle.points.chunks_exact(3).zip(used) {
+            self.points[k] = Some(Vector3::from_column_slice(point));
+        }
+        Ok(())
+    }
+
+    fn motion(&self) -> Motion {
+        let (mut points, mut seen_in, mut squares, mut count) = (Vec::new(), Vec::new(), 0.0, 0);
+        for (track, point) in self.tracks.iter().zip(&self.points) {
+            let Some(point) = point else {
+                continue;
+            };
+            let mut frames = Vec::new();
+            for &seen in track {
+                if let Some(pose) = &self.poses[seen[0] as usize] {
+                    squares += self.error(pose, point, seen).powi(2);
+                    count += 1;
+                    frames.push(seen[0]);
+                }
+            }
+            points.push(*point);
+            seen_in.push(frames);
+        }
+        Motion {
+            camera: self.zoomed(),
+            camera_from_input: self.poses.clone(),
+            points,
+            seen_in,
+            error_px: (squares / f64::from(count.max(1))).sqrt(),
+        }
+    }
+}
+
+fn pose_of(found: &Found) -> Pose {
+    Pose {
+        rotation: Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(&found.rotation)),
+        translation: Vector3::from_column_slice(&found.translation),
+    }
+}
+
+fn verified(
+    matching: &Matching,
+    camera: &Pinhole,
+    pair: &Pair,
+    tolerance: f64,
+) -> Result<Option<Verified>, MotionError> {
+    let [a, b] = pair.frames;
+    let rays = |frame: usize, side: usize| -> Vec<f64> {
+        pair.matches
+            .iter()
+            .flat_map(|features| {
+                let [x, y] = matching.features[frame][features[side] as usize];
+                [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy]
+            })
+            .collect()
+    };
+    if pair.matches.len() < FEWEST {
+        return Ok(None);
+    }
+    let (first, second) = (rays(a, 0), rays(b, 1));
+    let mut inliers = vec![0; pair.matches.len()];
+    let found = vision::two_views(&first, &second, tolerance / camera.fx, &mut inliers)?;
+    let chosen: Vec<usize> = (0..inliers.len()).filter(|&k| inliers[k] != 0).collect();
+    if !found.any || chosen.len() < FEWEST {
+        return Ok(None);
+    }
+    let second_from_first = pose_of(&found);
+    let mut angles: Vec<f64> = chosen
+        .iter()
+        .filter_map(|&k| {
+            let ray = |rays: &[f64]| Vector2::new(rays[2 * k], rays[2 * k + 1]);
+            let seen = [(Pose::identity(), ray(&first)), (second_from_first, ray(&second))];
+            triangulated(&seen).map(|(_, angle)| angle.to_degrees())
+        })
+        .collect();
+    angles.sort_by(f64::total_cmp);
+    Ok(Some(Verified {
+        frames: pair.frames,
+        matches: chosen.iter().map(|&k| pair.matches[k]).collect(),
+        second_from_first,
+        angle_deg: angles.get(angles.len() / 2).copied().unwrap_or(0.0),
+    }))
+}

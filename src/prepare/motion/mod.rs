@@ -1,0 +1,80 @@
+//! Camera motion relative to the object, from features on the object alone: the background may move with the camera or stay.
+//!
+//! Features and matches are OpenCV's; two views start a reconstruction, further frames are added one by one, and Ceres adjusts all.
+
+mod grow;
+mod matching;
+mod points;
+mod tracks;
+
+pub use matching::{Matching, match_features};
+
+use crate::geometry::{Pinhole, Pose, Vector3};
+use crate::image::{Mask, RgbImage};
+use grow::Reconstruction;
+
+/// What can be chosen.
+#[derive(Clone, Debug)]
+pub struct MotionOptions {
+    /// A frame is matched with so many after it.
+    pub reach: usize,
+    /// A feature may be so far from where a pose sees it, in pixels of an object whose mask is 500 pixels across.
+    pub error_px: f64,
+    /// How well the focal length is known: the standard deviation of its logarithm; 0 keeps it.
+    pub focal_deviation: f64,
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        Self {
+            reach: 24,
+            error_px: 3.0,
+            focal_deviation: 0.0,
+        }
+    }
+}
+
+/// A picture and what belongs to the object in it.
+pub struct View<'a> {
+    pub image: &'a RgbImage,
+    pub mask: &'a Mask,
+}
+
+/// Poses of the frames that could be placed, and the features' points, in the units of the first pair's baseline.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// Of every frame; fx and fy as adjusted.
+    pub camera: Pinhole,
+    /// Per frame, if it was placed.
+    pub camera_from_input: Vec<Option<Pose>>,
+    pub points: Vec<Vector3<f64>>,
+    /// Per point: the frames that see it.
+    pub seen_in: Vec<Vec<u32>>,
+    /// Root mean square over all observations.
+    pub error_px: f64,
+}
+
+/// Why there is no motion.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    #[error(
+        "frames: features on the object match between too few of them ({matched} matches in the best pair); take sharper, larger or more pictures, closer in time"
+    )]
+    NoPair { matched: usize },
+    #[error("OpenCV or Ceres: {0}")]
+    Library(String),
+}
+
+impl From<cxx::Exception> for MotionError {
+    fn from(error: cxx::Exception) -> Self {
+        Self::Library(crate::image::one_line(error.what()))
+    }
+}
+
+/// The motion that matched features tell of. `camera` is what is known of the camera.
+///
+/// # Errors
+/// No two frames with enough in common.
+pub fn motion(matching: &Matching, camera: &Pinhole, options: &MotionOptions) -> Result<Motion, MotionError> {
+    Reconstruction::start(matching, camera, options)?.grow()
+}
