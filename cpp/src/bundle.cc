@@ -19,9 +19,11 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
   const Pinhole camera{options.fx, options.fy, options.cx, options.cy};
   ceres::Problem problem;
   for (const auto& seen : bundle.observations) {
-    if (seen.camera >= cameras || seen.point >= points) throw std::invalid_argument("no such camera or point");
-    problem.AddResidualBlock(Reprojection::Create(camera, seen.x, seen.y), new ceres::CauchyLoss(options.loss_width),
-                             &bundle.cameras[6 * seen.camera], &bundle.points[3 * seen.point], &bundle.zoom);
+    if (seen.camera >= cameras || seen.point >= points)
+      throw std::invalid_argument("no such camera or point");
+    problem.AddResidualBlock(Reprojection::Create(camera, seen.x, seen.y),
+                             new ceres::CauchyLoss(options.loss_width), &bundle.cameras[6 * seen.camera],
+                             &bundle.points[3 * seen.point], &bundle.zoom);
   }
   if (bundle.observations.empty()) throw std::invalid_argument("no observation");
   if (options.zoom_deviation > 0.0) {

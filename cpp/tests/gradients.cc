@@ -10,6 +10,7 @@
 
 #include "spba/inverse_depth.h"
 #include "spba/photometric.h"
+#include "spba/reprojection.h"
 #include "spba/silhouette.h"
 
 namespace {
@@ -64,7 +65,15 @@ std::vector<Point> Points() {
   return points;
 }
 
-int Check(const std::string& name, const ceres::CostFunction& cost, const std::vector<Point>& points) {
+// A cost's parameters out of a point.
+using Parameters = std::vector<const double*> (*)(const Point&);
+
+std::vector<const double*> OfPair(const Point& point) { return {point.p0, point.motion, point.x, &kAlpha}; }
+std::vector<const double*> OfOneView(const Point& point) { return {point.p0, point.x, &kAlpha}; }
+std::vector<const double*> OfZoom(const Point&) { return {&kAlpha}; }
+
+int Check(const std::string& name, const ceres::CostFunction& cost, const std::vector<Point>& points,
+          Parameters parameters_of) {
   ceres::NumericDiffOptions options;
   // Small: bicubic sampling has kinks in its second derivative, at which an error grows with the step.
   options.ridders_relative_initial_step_size = 1e-6;
@@ -72,9 +81,9 @@ int Check(const std::string& name, const ceres::CostFunction& cost, const std::v
   const ceres::GradientChecker checker(&cost, no_manifolds, options);
   int failures = 0;
   for (const Point& point : points) {
-    const double* parameters[4] = {point.p0, point.motion, point.x, &kAlpha};
+    const auto parameters = parameters_of(point);
     ceres::GradientChecker::ProbeResults results;
-    checker.Probe(parameters, 1e-5, &results);
+    checker.Probe(parameters.data(), 1e-5, &results);
     // Against the largest entry of all blocks: an entry that is nearly zero has no digits to compare.
     // The kinks leave up to 1e-5 of it, rounding 1e-8.
     double largest = 0.0, difference = results.return_value ? 0.0 : 1e300;
@@ -92,14 +101,14 @@ int Check(const std::string& name, const ceres::CostFunction& cost, const std::v
   return failures;
 }
 
-int CheckBehind(const std::string& name, const ceres::CostFunction& cost) {
+int CheckBehind(const std::string& name, const ceres::CostFunction& cost, Parameters parameters_of) {
   const Point behind{{0, 0, 0, 0, 0, -2.0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.1}};
   const Point on_plane{{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.0}};
   int failures = 0;
   for (const Point& point : {behind, on_plane}) {
-    const double* parameters[4] = {point.p0, point.motion, point.x, &kAlpha};
+    const auto parameters = parameters_of(point);
     double residuals[3];
-    if (cost.Evaluate(parameters, residuals, nullptr)) ++failures;
+    if (cost.Evaluate(parameters.data(), residuals, nullptr)) ++failures;
   }
   std::printf("%s behind the camera: %d failures\n", name.c_str(), failures);
   return failures;
@@ -111,17 +120,23 @@ int main() {
   const std::vector<float> target = SmoothImage(0.0), source = SmoothImage(1.0);
   const spba::ImageSampler target_image(target.data(), kWidth, kHeight);
   const spba::ImageSampler source_image(source.data(), kWidth, kHeight);
-  const std::unique_ptr<ceres::CostFunction> costs[] = {
-      std::unique_ptr<ceres::CostFunction>(
-          spba::PhotometricCost::Create({kCamera, kCamera, &target_image, &source_image})),
-      std::unique_ptr<ceres::CostFunction>(spba::SilhouetteCost::Create({kCamera, {30.5, 20.5}, 1.0})),
-      std::unique_ptr<ceres::CostFunction>(
-          spba::InverseDepthCost::Create({kCamera, {30.5, 20.5}, 0.4, {0.003, -0.002}}))};
-  const char* names[] = {"photometric", "silhouette", "inverse depth"};
-  int failures = 0;
-  for (int i = 0; i < 3; ++i) {
-    failures += Check(names[i], *costs[i], Points());
-    failures += CheckBehind(names[i], *costs[i]);
+  using Cost = std::unique_ptr<ceres::CostFunction>;
+  struct {
+    const char* name;
+    Cost cost;
+    Parameters parameters_of;
+  } const cases[] = {
+      {"photometric", Cost(spba::PhotometricCost::Create({kCamera, kCamera, &target_image, &source_image})),
+       OfPair},
+      {"silhouette", Cost(spba::SilhouetteCost::Create({kCamera, {30.5, 20.5}, 1.0})), OfPair},
+      {"inverse depth", Cost(spba::InverseDepthCost::Create({kCamera, {30.5, 20.5}, 0.4, {0.003, -0.002}})),
+       OfPair},
+      {"reprojection", Cost(spba::Reprojection::Create(kCamera, 30.5, 20.5)), OfOneView},
+  };
+  int failures = Check("zoom prior", *Cost(spba::ZoomPrior::Create(0.05)), Points(), OfZoom);
+  for (const auto& [name, cost, parameters_of] : cases) {
+    failures += Check(name, *cost, Points(), parameters_of);
+    failures += CheckBehind(name, *cost, parameters_of);
   }
   return failures;
 }

@@ -100,7 +100,8 @@ Found two_views(rust::Slice<const double> a, rust::Slice<const double> b, double
   cv::Matx33d rotation;
   cv::Vec3d translation;
   cv::recoverPose(essential, first, second, cv::Mat::eye(3, 3, CV_64F), rotation, translation, mask);
-  for (std::size_t i = 0; i < inliers.size(); ++i) inliers[i] = mask.at<std::uint8_t>(static_cast<int>(i)) != 0;
+  for (std::size_t i = 0; i < inliers.size(); ++i)
+    inliers[i] = mask.at<std::uint8_t>(static_cast<int>(i)) != 0;
   return ToFound(rotation, translation);
 }
 
@@ -115,8 +116,9 @@ Found resect(rust::Slice<const double> points, rust::Slice<const double> rays, d
   if (space.size() < 6) return Found{};
   cv::Vec3d turn, translation;
   std::vector<int> chosen;
-  const bool found = cv::solvePnPRansac(space, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), turn, translation,
-                                        false, 2000, static_cast<float>(threshold), 0.9999, chosen, cv::SOLVEPNP_EPNP);
+  const bool found =
+      cv::solvePnPRansac(space, seen, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), turn, translation, false,
+                         2000, static_cast<float>(threshold), 0.9999, chosen, cv::SOLVEPNP_EPNP);
   if (!found) return Found{};
   for (const int index : chosen) inliers[static_cast<std::size_t>(index)] = 1;
   cv::Matx33d rotation;

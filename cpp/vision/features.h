@@ -1,4 +1,5 @@
-// Scale-invariant features and the views' geometry that OpenCV finds from them. See src/bridge/vision.rs for shapes and conventions.
+// Scale-invariant features and the views' geometry that OpenCV finds from them. See src/bridge/vision.rs for
+// shapes and conventions.
 #pragma once
 
 #include <cstddef>

@@ -24,7 +24,8 @@ void Copy(const cv::Mat& from, rust::Vec<double>& to) {
 
 cv::Mat Model(const rust::Vec<double>& entries) {
   cv::Mat model;
-  if (!entries.empty()) model = cv::Mat(1, static_cast<int>(entries.size()), CV_64F, const_cast<double*>(entries.data())).clone();
+  if (!entries.empty())
+    model = cv::Mat(1, static_cast<int>(entries.size()), CV_64F, const_cast<double*>(entries.data())).clone();
   return model;
 }
 
@@ -48,7 +49,8 @@ void clean(rust::Slice<std::uint8_t> mask, std::size_t width, std::size_t height
   const int count = cv::connectedComponentsWithStats(opened, labels, stats, centroids, 8);
   int largest = 0;
   for (int label = 1; label < count; ++label) {
-    if (largest == 0 || stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = label;
+    if (largest == 0 || stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA))
+      largest = label;
   }
   if (largest == 0) {
     whole.setTo(0);

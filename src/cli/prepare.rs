@@ -1,10 +1,13 @@
-//! `spba-ceres prepare`.
+//! `spba-ceres prepare`, and what `solve` does with a video or pictures.
 
 use super::progress::interruption;
 use indicatif::{ProgressBar, ProgressStyle};
-use spba_ceres::prepare::{self, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions};
+use spba_ceres::prepare::{
+    self, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
+};
 use spba_ceres::sequence::{self, SequenceError};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 /// Make a sequence folder of a video or a folder of pictures: masks, camera motion and depth.
@@ -12,6 +15,17 @@ use std::sync::atomic::Ordering;
 pub struct Args {
     /// A video, or a folder of PNG or JPEG pictures
     input: PathBuf,
+    #[command(flatten)]
+    raw: RawArgs,
+    /// The sequence folder to make; one that this command made of the same input is left as it is
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+}
+
+/// What a video or pictures need.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Videos and pictures")]
+pub struct RawArgs {
     /// Focal length: pixels (1200), or its equivalent on 35 mm film (26mm) [default: from EXIF data, or found with the motion]
     #[arg(long, value_name = "PX|mm")]
     focal: Option<Focal>,
@@ -21,52 +35,83 @@ pub struct Args {
     /// Folder of masks (white = object), named like the pictures
     #[arg(long, value_name = "FOLDER")]
     masks: Option<PathBuf>,
-    /// At most so many frames: of as many groups in a row, the sharpest each
-    #[arg(long, value_name = "N", default_value_t = PhotoOptions::default().most)]
-    max_frames: usize,
-    /// Larger pictures are made smaller, so that the longer side has so many pixels
-    #[arg(long, value_name = "PIXELS", default_value_t = PhotoOptions::default().longest_px)]
-    max_size: usize,
-    /// The sequence folder to make; must not exist
-    #[arg(long, value_name = "FOLDER")]
-    out: PathBuf,
+    /// At most so many frames: of as many groups in a row, the sharpest each [default: 40]
+    #[arg(long, value_name = "N")]
+    max_frames: Option<usize>,
+    /// Larger pictures are made smaller, so that the longer side has so many pixels [default: 960]
+    #[arg(long, value_name = "PIXELS")]
+    max_size: Option<usize>,
+}
+
+impl RawArgs {
+    /// The first flag that was given.
+    pub fn given(&self) -> Option<&'static str> {
+        [
+            (self.focal.is_some(), "--focal"),
+            (self.object_box.is_some(), "--box"),
+            (self.masks.is_some(), "--masks"),
+            (self.max_frames.is_some(), "--max-frames"),
+            (self.max_size.is_some(), "--max-size"),
+        ]
+        .into_iter()
+        .find_map(|(given, flag)| given.then_some(flag))
+    }
+
+    fn options(&self) -> PrepareOptions {
+        let photos = PhotoOptions::default();
+        PrepareOptions {
+            photos: PhotoOptions {
+                most: self.max_frames.unwrap_or(photos.most),
+                longest_px: self.max_size.unwrap_or(photos.longest_px),
+            },
+            focal: self.focal,
+            masks: MaskOptions {
+                object_box: self.object_box,
+            },
+            given_masks: self.masks.clone(),
+            ..PrepareOptions::default()
+        }
+    }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    if args.out.symlink_metadata().is_ok() {
-        return Err(SequenceError::TargetExists(args.out.clone()).into());
-    }
-    let options = PrepareOptions {
-        photos: PhotoOptions {
-            most: args.max_frames,
-            longest_px: args.max_size,
-        },
-        focal: args.focal,
-        masks: MaskOptions {
-            object_box: args.object_box,
-        },
-        given_masks: args.masks.clone(),
-        ..PrepareOptions::default()
-    };
+    prepare(&args.input, &args.raw, &args.out)
+}
+
+/// Makes `out` of a video or pictures, unless that is what it holds already. Says what each stage did.
+pub fn prepare(input: &Path, raw: &RawArgs, out: &Path) -> anyhow::Result<()> {
     let interrupted = interruption()?;
-    let bar = ProgressBar::new(0).with_style(ProgressStyle::with_template(
-        "{bar:24} {pos}/{len} {elapsed_precise} {msg}",
-    )?);
-    let prepared = prepare::prepare(&args.input, &options, &|stage, done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-        bar.set_message(stage);
+    let options = raw.options();
+    let stamp = Stamp::new(input, &options)?;
+    if out.symlink_metadata().is_ok() {
+        anyhow::ensure!(
+            Stamp::load(out).is_some_and(|found| found == stamp),
+            SequenceError::TargetExists(out.to_owned())
+        );
+        println!("{}: made of this input already", out.display());
+        return Ok(());
+    }
+    let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed_precise} {msg}")?;
+    let bar = ProgressBar::new(0).with_style(style);
+    let stage_shown = Mutex::new("");
+    let Prepared { sequence, stages } = prepare::prepare(input, &options, &|stage, steps| {
+        if let Ok(mut shown) = stage_shown.lock()
+            && *shown != stage
+        {
+            *shown = stage;
+            bar.set_length(steps as u64);
+            bar.set_position(0);
+            bar.set_message(stage);
+        }
+        bar.inc(1);
         !interrupted.load(Ordering::SeqCst)
     })?;
     bar.finish_and_clear();
-    for stage in &prepared.stages {
-        println!("{:8} {} ({:.1} s)", stage.name, stage.words, stage.seconds);
+    for stage in &stages {
+        println!("{:16} {} ({:.1} s)", stage.name, stage.words, stage.seconds);
     }
-    sequence::write(&prepared.sequence, &args.out)?;
-    println!(
-        "{} frames written to {}",
-        prepared.sequence.frames.len(),
-        args.out.display()
-    );
+    sequence::write(&sequence, out)?;
+    stamp.save(out)?;
+    println!("{:16} {}", "sequence", out.display());
     Ok(())
 }

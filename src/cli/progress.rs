@@ -3,8 +3,8 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use spba_ceres::solver::TraceRow;
 use spba_ceres::study::Watch as WatchStudy;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// A line on standard error that follows the solver, and the flag that Ctrl-C sets.
 pub struct Watch {
@@ -37,7 +37,11 @@ impl Watch {
 
 /// The flag that the first Ctrl-C sets, which stops solvers at their next iteration; the second ends the program.
 pub fn interruption() -> anyhow::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
+    static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    if let Some(flag) = FLAG.get() {
+        return Ok(flag.clone());
+    }
+    let interrupted = FLAG.get_or_init(|| Arc::new(AtomicBool::new(false))).clone();
     let flag = interrupted.clone();
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::SeqCst) {

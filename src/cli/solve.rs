@@ -6,9 +6,11 @@ use anyhow::Context;
 use clap::ValueEnum;
 use spba_ceres::config::Config;
 use spba_ceres::init::{self, Initialisation};
+#[cfg(feature = "vision")]
+use spba_ceres::prepare::Input;
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
-use spba_ceres::sequence::{Frame, Sequence};
+use spba_ceres::sequence::{self, Frame, Sequence};
 use spba_ceres::solver::{
     LinearSolver, Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank,
 };
@@ -19,11 +21,12 @@ use std::time::Instant;
 
 /// Recover an object's full shape and every camera from a sequence.
 ///
-/// INPUT is a sequence folder (`sequence.toml`), or a COLMAP workspace (`images/`, `sparse/`, `masks/`, perhaps
-/// `stereo/depth_maps/`). Flags override the configuration file, which overrides the defaults.
+/// INPUT is a sequence folder (`sequence.toml`), a COLMAP workspace (`images/`, `sparse/`, `masks/`, perhaps
+/// `stereo/depth_maps/`), or a video or folder of pictures, of which a sequence folder is made first, beside the result; it stays for
+/// the next run. Flags override the configuration file, which overrides the defaults.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Sequence folder or COLMAP workspace
+    /// Sequence folder, COLMAP workspace, video or folder of pictures
     input: PathBuf,
     /// Folder for the result; must not exist
     #[arg(long, short)]
@@ -58,6 +61,9 @@ pub struct Args {
     /// regression]
     #[arg(long)]
     scale_update: Option<ScaleUpdateArg>,
+    #[cfg(feature = "vision")]
+    #[command(flatten)]
+    raw: super::prepare::RawArgs,
     #[command(flatten)]
     objective: ObjectiveArgs,
     /// Pyramid levels [default: 3; the paper mentions none]
@@ -81,8 +87,9 @@ pub struct Args {
     /// Past steps that L-BFGS remembers (lbfgs only) [default: 20]
     #[arg(long, value_name = "N")]
     lbfgs_rank: Option<u32>,
-    /// Style to start from: mean, a regressor's .safetensors file, or an earlier result's folder [default: mean]
-    #[arg(long, value_name = "mean|FILE|RESULT")]
+    /// Style to start from: mean, what the bundled regressor or another's .safetensors file sees in the frames, or an earlier result's
+    /// folder [default: mean]
+    #[arg(long, value_name = "mean|regressor|FILE|RESULT")]
     init_style: Option<String>,
     /// Poses to start from: templates, or an earlier result's folder [default: templates]
     #[arg(long, value_name = "templates|RESULT")]
@@ -153,8 +160,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .build_global()
         .context("threads")?;
 
+    let input = prepared(args)?;
     let began = Instant::now();
-    let mut sequence = read(&args.input, &config.input.load_options()?)?;
+    let mut sequence = read(&input, &config.input.load_options()?)?;
     let (learned, prior_info) = prior::open(&config.prior)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
@@ -200,6 +208,27 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
+#[cfg(feature = "vision")]
+fn prepared(args: &Args) -> anyhow::Result<PathBuf> {
+    if sequence::recognises(&args.input) || args.input.is_dir() && Input::find(&args.input).is_err() {
+        if let Some(flag) = args.raw.given() {
+            anyhow::bail!("{flag}: only for a video or a folder of pictures; leave it out");
+        }
+        return Ok(args.input.clone());
+    }
+    let mut name = args.input.file_name().unwrap_or_default().to_owned();
+    name.push(".sequence");
+    let folder = args.out.with_file_name(name);
+    super::prepare::prepare(&args.input, &args.raw, &folder)?;
+    Ok(folder)
+}
+
+#[cfg(not(feature = "vision"))]
+fn prepared(args: &Args) -> anyhow::Result<PathBuf> {
+    Ok(args.input.clone())
+}
+
 /// As results name a prior.
 fn name_of(prior: &PriorInfo) -> String {
     format!("{} {} (schema {})", prior.category, prior.kind, prior.schema)
@@ -214,6 +243,7 @@ fn start_style(
 ) -> anyhow::Result<Vec<f64>> {
     match from {
         "mean" => Ok(vec![0.0; prior.style_len()]),
+        "regressor" => Ok(regressor::bundled(&prior_info.category)?.style(sequence, prior_info)?),
         file if file.ends_with(".safetensors") => {
             Ok(regressor::load(Path::new(file))?.style(sequence, prior_info)?)
         }

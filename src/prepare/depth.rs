@@ -55,13 +55,14 @@ struct Swept<'a> {
     inverse_depth: [f64; 2],
 }
 
-/// A depth map for every placed frame, in the motion's units; `None` for the others. `done` hears of every frame.
+/// A depth map for every placed frame, in the motion's units; `None` for the others. `watch` hears of every frame, and stops all by
+/// returning false: then there is nothing.
 pub fn sweep(
     images: &[(&RgbImage, &Mask)],
     motion: &Motion,
     options: &DepthOptions,
-    done: &(dyn Fn() + Sync),
-) -> Vec<Option<DepthMap>> {
+    watch: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Option<DepthMap>>> {
     let swept: Vec<Option<Swept>> = images
         .iter()
         .zip(&motion.camera_from_input)
@@ -77,24 +78,28 @@ pub fn sweep(
             })
         })
         .collect();
-    let centre = motion.points.iter().sum::<Vector3<f64>>() / motion.points.len().max(1) as f64;
+    let centre = middle(&motion.points);
     let neighbours: Vec<Vec<usize>> = (0..swept.len())
         .map(|frame| neighbours(&swept, frame, &centre, options.neighbours))
         .collect();
     let first: Vec<Option<DepthMap>> = (0..swept.len())
         .into_par_iter()
         .map(|frame| {
-            let target = swept[frame].as_ref()?;
+            let Some(target) = &swept[frame] else {
+                return Some(None);
+            };
+            if !watch() {
+                return None;
+            }
             let others: Vec<&Swept> = neighbours[frame]
                 .iter()
                 .filter_map(|&k| swept[k].as_ref())
                 .collect();
             let depth = best_planes(target, &others, &motion.camera, options);
-            done();
-            Some(depth)
+            Some(Some(depth))
         })
-        .collect();
-    (0..swept.len())
+        .collect::<Option<_>>()?;
+    let agreed = (0..swept.len())
         .into_par_iter()
         .map(|frame| {
             let (target, depth) = (swept[frame].as_ref()?, first[frame].as_ref()?);
@@ -110,7 +115,17 @@ pub fn sweep(
                 .collect();
             Some(agreed(depth, &others, &motion.camera, options))
         })
-        .collect()
+        .collect();
+    Some(agreed)
+}
+
+/// Per coordinate, the median: single points may lie anywhere.
+fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
+    Vector3::from_fn(|k, _| {
+        let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    })
 }
 
 fn gray(image: &RgbImage) -> Grid<f32> {

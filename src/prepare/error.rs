@@ -36,13 +36,22 @@ pub enum PrepareError {
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
-    Motion(#[from] MotionError),
+    Motion(MotionError),
     #[error(transparent)]
     Sequence(#[from] SequenceError),
     #[error("OpenCV: {0}")]
     OpenCv(String),
-    #[error("interrupted; what was done is kept, the same command goes on")]
+    #[error("interrupted: nothing was written")]
     Interrupted,
+}
+
+impl From<MotionError> for PrepareError {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Interrupted => Self::Interrupted,
+            error => Self::Motion(error),
+        }
+    }
 }
 
 impl From<cxx::Exception> for PrepareError {

@@ -43,11 +43,10 @@ pub enum FocalSource {
 }
 
 impl FocalSource {
-    /// How well it is known: the standard deviation of its logarithm. EXIF data round, and lenses breathe with the distance.
+    /// How well it is known: the standard deviation of its logarithm. Millimetres are rounded, and lenses breathe with the distance.
     pub fn deviation(self) -> f64 {
         match self {
-            Self::Flag => 0.02,
-            Self::Exif => 0.05,
+            Self::Flag | Self::Exif => 0.02,
             Self::Refined => 1.0,
         }
     }

@@ -93,7 +93,7 @@ const ITERATIONS: usize = 4;
 pub fn masks(
     photos: &[Photo],
     options: &MaskOptions,
-    done: &dyn Fn() -> bool,
+    watch: &dyn Fn() -> bool,
 ) -> Result<(Vec<Mask>, MaskSource), PrepareError> {
     let pictures: Vec<Picture> = photos
         .iter()
@@ -148,7 +148,7 @@ pub fn masks(
             (middle + 1..pictures.len()).collect()
         };
         for frame in frames {
-            if !done() {
+            if !watch() {
                 return Err(PrepareError::Interrupted);
             }
             let before = if backwards { frame + 1 } else { frame - 1 };

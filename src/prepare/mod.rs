@@ -6,6 +6,7 @@ mod focal;
 mod masks;
 pub mod motion;
 mod photos;
+mod stamp;
 
 pub use depth::DepthOptions;
 pub use error::PrepareError;
@@ -13,6 +14,7 @@ pub use focal::{Focal, FocalSource};
 pub use masks::{MaskOptions, MaskSource, ObjectBox};
 pub use motion::MotionOptions;
 pub use photos::{Input, Photo, PhotoOptions};
+pub use stamp::Stamp;
 
 use crate::image::{Grid, Mask, read_mask};
 use crate::sequence::{Frame, Sequence};
@@ -49,8 +51,8 @@ pub struct Stage {
     pub seconds: f64,
 }
 
-/// A stage under way: its name and, after each step, how many of how many are done. False stops.
-pub type Watch<'a> = dyn Fn(&'static str, usize, usize) -> bool + Sync + 'a;
+/// Sees a stage under way: its name, how many steps it has, and each one done. False stops.
+pub type Watch<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
 
 /// Makes a sequence of a video or a folder of pictures.
 ///
@@ -70,13 +72,7 @@ pub fn prepare(input: &Path, options: &PrepareOptions, watch: &Watch) -> Result<
 
     let (masks, source) = match &options.given_masks {
         Some(folder) => (given_masks(folder, &photos)?, MaskSource::Given),
-        None => {
-            let count = std::cell::Cell::new(0);
-            masks::masks(&photos, &options.masks, &|| {
-                count.set(count.get() + 1);
-                watch("masks", count.get(), photos.len())
-            })?
-        }
+        None => masks::masks(&photos, &options.masks, &|| watch("masks", photos.len()))?,
     };
     let share = masks.iter().map(Mask::share).sum::<f64>() / masks.len().max(1) as f64;
     stage(
@@ -93,7 +89,7 @@ pub fn prepare(input: &Path, options: &PrepareOptions, watch: &Watch) -> Result<
             mask,
         })
         .collect();
-    let matching = motion::match_features(&views, &options.motion)?;
+    let matching = motion::match_features(&views, &options.motion, &|pairs| watch("matches", pairs))?;
     let mut best: Option<Motion> = None;
     let motion_options = MotionOptions {
         focal_deviation: focal_source.deviation(),
@@ -101,6 +97,9 @@ pub fn prepare(input: &Path, options: &PrepareOptions, watch: &Watch) -> Result<
     };
     let mut failure = None;
     for camera in &cameras {
+        if !watch("motion", cameras.len()) {
+            return Err(PrepareError::Interrupted);
+        }
         match motion::motion(&matching, camera, &motion_options) {
             Ok(found) => {
                 if best.as_ref().is_none_or(|best| worth(&found) > worth(best)) {
@@ -140,7 +139,8 @@ pub fn prepare(input: &Path, options: &PrepareOptions, watch: &Watch) -> Result<
         .zip(&masks)
         .map(|(photo, mask)| (&photo.image, mask))
         .collect();
-    let depths = depth::sweep(&images, &motion, &options.depth, &|| ());
+    let depths = depth::sweep(&images, &motion, &options.depth, &|| watch("depth", placed))
+        .ok_or(PrepareError::Interrupted)?;
     let (mut known, mut all) = (0, 0);
     for (depth, mask) in depths
         .iter()

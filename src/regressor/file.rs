@@ -72,8 +72,25 @@ pub enum RegressorError {
         "the regressor was trained for the prior of `{trained_for}`, this one's is `{given}`: train another, or start from the mean style"
     )]
     OtherPrior { trained_for: String, given: String },
+    #[error(
+        "no regressor for `{category}` is bundled, only for {bundled}: train one, or start from the mean style"
+    )]
+    NotBundled { category: String, bundled: String },
     #[error("sequence `{0}`: every mask is empty: mark the object in them")]
     NothingSeen(String),
+}
+
+/// The files of the bundled regressors.
+const BUNDLED: [(&str, &[u8]); 1] = [("car", include_bytes!("../../data/regressors/car.safetensors"))];
+
+/// The bundled regressor of a category.
+pub fn bundled(category: &str) -> Result<Regressor, RegressorError> {
+    let known = BUNDLED.iter().find(|(name, _)| *name == category);
+    let (name, bytes) = known.ok_or_else(|| RegressorError::NotBundled {
+        category: category.to_owned(),
+        bundled: BUNDLED.map(|(name, _)| name).join(", "),
+    })?;
+    parse(bytes, Path::new(name))
 }
 
 fn layers(network: &Network) -> Vec<(String, &Dense)> {

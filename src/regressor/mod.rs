@@ -13,7 +13,7 @@ mod train;
 pub use crop::{CHANNELS, Crop, SIDE_PX};
 #[cfg(feature = "training")]
 pub use examples::{ExampleOptions, Examples, Model};
-pub use file::{RegressorError, RegressorInfo, load, save};
+pub use file::{RegressorError, RegressorInfo, bundled, load, save};
 pub use judge::{Guesses, POINTS, judge};
 pub use network::{Conv, Dense, Network};
 #[cfg(feature = "training")]

@@ -109,6 +109,11 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
     })
 }
 
+/// Whether an input is of a kind that [`examine`] knows.
+pub fn recognises(input: &Path) -> bool {
+    input.join(folder::MANIFEST).is_file() || colmap::recognises(input) || openmvs::recognises(input)
+}
+
 fn draft(input: &Path, options: &LoadOptions) -> Result<Draft, SequenceError> {
     if input.join(folder::MANIFEST).is_file() {
         if let Some(depth) = &options.depth {

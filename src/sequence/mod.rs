@@ -24,7 +24,7 @@ mod validate;
 mod workspace;
 
 pub use error::SequenceError;
-pub use examine::{Examination, FrameExamination, MaskSummary, examine};
+pub use examine::{Examination, FrameExamination, MaskSummary, examine, recognises};
 pub use folder::write;
 pub use options::{FrameWindow, LoadOptions, WindowError};
 

@@ -1,5 +1,5 @@
-// Reprojection error of a free point in a free camera with a free focal length: classic bundle adjustment, which prepares poses
-// from features before Eq. 9 takes over.
+// Reprojection error of a free point in a free camera with a free focal length: classic bundle adjustment,
+// which prepares poses from features before Eq. 9 takes over.
 #ifndef SPBA_REPROJECTION_H_
 #define SPBA_REPROJECTION_H_
 
@@ -11,7 +11,8 @@
 
 namespace spba {
 
-// residual[2] in pixels of camera_from_world[6], point[3] (world) and zoom[1], which multiplies fx and fy. False behind the camera.
+// residual[2] in pixels of camera_from_world[6], point[3] (world) and zoom[1], which multiplies fx and fy.
+// False behind the camera.
 class Reprojection {
  public:
   Reprojection(const Pinhole& camera, double x, double y) : camera_(camera), x_(x), y_(y) {}

@@ -32,9 +32,15 @@ pub struct Pair {
 
 /// Features on the object in every view, and their matches in pairs of views no further apart than `options.reach`.
 ///
+/// `watch` hears of every pair, and how many there are; false stops.
+///
 /// # Errors
 /// OpenCV's own.
-pub fn match_features(views: &[View], options: &MotionOptions) -> Result<Matching, MotionError> {
+pub fn match_features(
+    views: &[View],
+    options: &MotionOptions,
+    watch: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Matching, MotionError> {
     let size = object_size(views);
     let found: Vec<(Vec<[f64; 2]>, Vec<f32>)> = views
         .par_iter()
@@ -43,9 +49,13 @@ pub fn match_features(views: &[View], options: &MotionOptions) -> Result<Matchin
     let pairs: Vec<[usize; 2]> = (0..views.len())
         .flat_map(|a| (a + 1..views.len().min(a + 1 + options.reach)).map(move |b| [a, b]))
         .collect();
+    let count = pairs.len();
     let pairs = pairs
         .into_par_iter()
         .map(|frames| {
+            if !watch(count) {
+                return Err(MotionError::Interrupted);
+            }
             let [a, b] = frames.map(|frame| &found[frame].1);
             let matches = ffi::match_features(a, b, RATIO)?;
             Ok(Pair {

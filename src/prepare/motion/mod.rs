@@ -61,6 +61,8 @@ pub enum MotionError {
         "frames: features on the object match between too few of them ({matched} matches in the best pair); take sharper, larger or more pictures, closer in time"
     )]
     NoPair { matched: usize },
+    #[error("interrupted")]
+    Interrupted,
     #[error("OpenCV or Ceres: {0}")]
     Library(String),
 }

@@ -1,0 +1,103 @@
+//! What a prepared sequence was made of, so that it is not made twice.
+
+use super::{Input, PrepareError, PrepareOptions};
+use crate::sequence::SequenceError;
+use serde::{Deserialize, Serialize};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+
+/// The contents of an input and the options, in short.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stamp {
+    version: String,
+    input: String,
+}
+
+/// Its file in the sequence folder.
+const FILE: &str = "prepared.json";
+
+impl Stamp {
+    /// Of an input as it is now.
+    ///
+    /// # Errors
+    /// An input that cannot be read.
+    pub fn new(input: &Path, options: &PrepareOptions) -> Result<Self, PrepareError> {
+        let mut hasher = DefaultHasher::new();
+        // Options are told apart by how they print.
+        format!("{options:?}").hash(&mut hasher);
+        let mut files = match Input::find(input)? {
+            Input::Video(file) => vec![file],
+            Input::Photos(files) => files,
+        };
+        if let Some(folder) = &options.given_masks {
+            let mut masks: Vec<PathBuf> = std::fs::read_dir(folder)
+                .map_err(|source| PrepareError::Read {
+                    file: folder.clone(),
+                    source,
+                })?
+                .flatten()
+                .map(|entry| entry.path())
+                .filter(|path| path.is_file())
+                .collect();
+            masks.sort();
+            files.extend(masks);
+        }
+        for file in files {
+            let bytes = std::fs::read(&file).map_err(|source| PrepareError::Read {
+                file: file.clone(),
+                source,
+            })?;
+            (file.file_name(), bytes).hash(&mut hasher);
+        }
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            input: format!("{:016x}", hasher.finish()),
+        })
+    }
+
+    /// That of a sequence folder, if it has any.
+    pub fn load(sequence: &Path) -> Option<Self> {
+        serde_json::from_slice(&std::fs::read(sequence.join(FILE)).ok()?).ok()
+    }
+
+    /// Into a sequence folder.
+    ///
+    /// # Errors
+    /// A folder that cannot be written to.
+    pub fn save(&self, sequence: &Path) -> Result<(), PrepareError> {
+        let file = sequence.join(FILE);
+        let json = serde_json::to_vec(self).unwrap_or_default();
+        crate::files::write_whole(&file, &json).map_err(|source| SequenceError::write(&file, source))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stamp_tells_contents_and_options_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+        write("a.png", b"a");
+        write("b.png", b"b");
+        write("notes.txt", b"c");
+        let options = PrepareOptions::default();
+        let stamp = || Stamp::new(folder.path(), &options).unwrap();
+        let first = stamp();
+        write("notes.txt", b"d");
+        assert_eq!(stamp(), first, "no picture");
+        let other = PrepareOptions {
+            focal: "500".parse().ok(),
+            ..PrepareOptions::default()
+        };
+        assert_ne!(Stamp::new(folder.path(), &other).unwrap(), first);
+        write("b.png", b"e");
+        assert_ne!(stamp(), first);
+        let sequence = tempfile::tempdir().unwrap();
+        assert_eq!(Stamp::load(sequence.path()), None);
+        first.save(sequence.path()).unwrap();
+        assert_eq!(Stamp::load(sequence.path()), Some(first));
+    }
+}
