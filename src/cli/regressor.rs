@@ -255,5 +255,11 @@ fn spread(whole: &Sequence, frames: usize) -> Sequence {
             }
         })
         .collect();
-    whole.of_frames(&chosen)
+    let mut part = whole.clone();
+    part.frames = chosen.iter().map(|&k| whole.frames[k].clone()).collect();
+    if let (Some(truth), Some(all)) = (&mut part.truth, &whole.truth) {
+        truth.camera_from_object = chosen.iter().map(|&k| all.camera_from_object[k]).collect();
+        truth.depth = chosen.iter().map(|&k| all.depth[k].clone()).collect();
+    }
+    part
 }

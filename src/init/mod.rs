@@ -46,37 +46,6 @@ impl Estimate {
         }
     }
 
-    /// That of these frames alone, of which the first is the target, frame 0.
-    pub fn of_frames(&self, indices: &[usize]) -> Self {
-        Self {
-            motion: indices.iter().skip(1).map(|&l| self.motion[l - 1]).collect(),
-            ..self.clone()
-        }
-    }
-
-    /// `part`, found for the frames of these indices, with the other frames where they stay in place to the target: they
-    /// keep this estimate's motion between the two cameras, its lengths scaled with α.
-    pub fn moved_with(&self, indices: &[usize], part: &Self) -> Self {
-        let target_from_object = part.target_from_object;
-        let motion = (1..self.frame_count()).map(|l| {
-            if let Some(k) = indices.iter().position(|&index| index == l) {
-                return part.motion[k - 1];
-            }
-            let mut source_from_target = self
-                .camera_from_object(l)
-                .after(&self.target_from_object.inverse());
-            source_from_target.translation *= part.alpha / self.alpha;
-            RelativePose::between(
-                &target_from_object,
-                &source_from_target.after(&target_from_object),
-            )
-        });
-        Self {
-            motion: motion.collect(),
-            ..part.clone()
-        }
-    }
-
     /// The same cameras and shape for the frames in the order that [`Sequence::put_back`] restores, whose first
     /// frame's pose is p0 then.
     ///
@@ -109,47 +78,6 @@ impl Estimate {
 mod tests {
     use super::*;
     use crate::geometry::{Rotation3, Vector3};
-
-    #[test]
-    fn frames_left_out_follow_the_target_rigidly() {
-        let pose = |i: usize| Pose {
-            rotation: Rotation3::from_scaled_axis(Vector3::new(0.3 * i as f64, -0.2, 0.1)),
-            translation: Vector3::new(0.1 * i as f64, -0.1, 1.5 + i as f64),
-        };
-        let whole = Estimate {
-            target_from_object: pose(0),
-            motion: (1..4)
-                .map(|l| RelativePose::between(&pose(0), &pose(l)))
-                .collect(),
-            style: vec![0.5],
-            alpha: 0.7,
-        };
-        let shown = [0, 2];
-        let mut part = whole.of_frames(&shown);
-        assert_eq!(part.camera_from_object(1), whole.camera_from_object(2));
-        assert_eq!(whole.moved_with(&shown, &part).style, whole.style);
-        // The object grows by half and turns about itself: cameras that keep their places to each other stand half as far again.
-        let turn = Rotation3::from_scaled_axis(Vector3::new(0.0, 1.0, 0.0));
-        let moved = |pose: Pose| Pose {
-            rotation: pose.rotation * turn,
-            translation: 1.5 * pose.translation,
-        };
-        part.alpha *= 1.5;
-        part.target_from_object = moved(pose(0));
-        part.motion = vec![RelativePose::between(&part.target_from_object, &pose(9))];
-        let found = whole.moved_with(&shown, &part);
-        for (l, expected) in [moved(pose(0)), moved(pose(1)), pose(9), moved(pose(3))]
-            .iter()
-            .enumerate()
-        {
-            let camera = found.camera_from_object(l);
-            assert!(
-                (camera.rotation.matrix() - expected.rotation.matrix()).norm() < 1e-12,
-                "{l}"
-            );
-            assert!((camera.translation - expected.translation).norm() < 1e-12, "{l}");
-        }
-    }
 
     #[test]
     fn putting_the_target_back_keeps_every_camera() {

@@ -53,19 +53,6 @@ impl Sequence {
         }
     }
 
-    /// The frames of these indices alone, in this order.
-    pub fn of_frames(&self, indices: &[usize]) -> Self {
-        let mut part = Self {
-            frames: indices.iter().map(|&l| self.frames[l].clone()).collect(),
-            ..self.clone()
-        };
-        if let Some(truth) = &mut part.truth {
-            truth.camera_from_object = indices.iter().map(|&l| truth.camera_from_object[l]).collect();
-            truth.depth = indices.iter().map(|&l| truth.depth[l].clone()).collect();
-        }
-        part
-    }
-
     /// Undoes [`Sequence::bring_to_front`].
     pub fn put_back(&mut self, target: usize) {
         self.frames[..=target].rotate_left(1);

@@ -29,8 +29,6 @@ use std::time::Instant;
 
 /// A hypothesis is judged with this many of the prior's points.
 const HYPOTHESIS_POINTS: usize = 2048;
-/// A short solve sees the target and so many of the other frames at most: it is to tell hypotheses apart.
-const HYPOTHESIS_FRAMES: usize = 15;
 /// So many steps of a short solve move the pose alone.
 const PLACING_STEPS: usize = 3;
 
@@ -134,14 +132,11 @@ pub fn short_solves(
         ..SolverOptions::default()
     };
     let cautious = ObjectiveOptions::default().cautious(HYPOTHESIS_POINTS, prior.point_count());
-    let shown = shown_frames(sequence.frames.len());
-    let sequence = &sequence.of_frames(&shown);
     let trials: Vec<Descent> = starts
         .par_iter()
         .enumerate()
         .map(|(i, start)| {
-            let start = start.of_frames(&shown);
-            let mut objective = Objective::new(sequence, prior.clone(), &cautious, options.levels, &start)?;
+            let mut objective = Objective::new(sequence, prior.clone(), &cautious, options.levels, start)?;
             let route = Route {
                 stage: &format!("hypothesis-{i}/"),
                 placing_steps: PLACING_STEPS,
@@ -161,7 +156,7 @@ pub fn short_solves(
         .ok_or(SolveError::NoStart)?;
     let cpu = trials.iter().map(|trial| trial.cpu_seconds).sum();
     Ok(ShortSolves {
-        estimate: starts[chosen].moved_with(&shown, &trials[chosen].estimate),
+        estimate: trials[chosen].estimate.clone(),
         chosen,
         objectives: trials
             .iter()
@@ -173,12 +168,6 @@ pub fn short_solves(
             ("hypotheses_cpu".to_owned(), cpu),
         ],
     })
-}
-
-/// The target, frame 0, and others evenly over the rest.
-fn shown_frames(count: usize) -> Vec<usize> {
-    let shown = count.min(1 + HYPOTHESIS_FRAMES);
-    (0..shown).map(|k| k * (count - 1) / (shown - 1).max(1)).collect()
 }
 
 /// Minimises Eq. 9 from one start, through all pyramid levels, on one thread.
@@ -228,18 +217,4 @@ pub fn refine(
             ("solve_cpu".to_owned(), descent.cpu_seconds),
         ],
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn short_solves_see_the_target_and_the_last_frame_of_many() {
-        assert_eq!(shown_frames(1), [0]);
-        assert_eq!(shown_frames(16), (0..16).collect::<Vec<_>>());
-        let of_many = shown_frames(91);
-        assert_eq!((of_many.len(), of_many[0], of_many[15]), (16, 0, 90));
-        assert!(of_many.windows(2).all(|pair| pair[1] - pair[0] == 6));
-    }
 }
