@@ -30,7 +30,7 @@ impl Default for PhotoOptions {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
     Video(PathBuf),
-    /// Pictures, in name order.
+    /// Pictures, by name.
     Photos(Vec<PathBuf>),
 }
 
@@ -131,6 +131,10 @@ fn video(file: &Path, options: &PhotoOptions) -> Result<Vec<Photo>, PrepareError
     while decoder.pin_mut().next(&mut picture)? {
         sharpness.push(ffi::sharpness(&small(&picture, 320)?)?);
     }
+    // Headers alone open, too.
+    if sharpness.is_empty() {
+        return Err(PrepareError::NoVideo(file.to_owned()));
+    }
     let chosen = sharpest(&sharpness, options.most);
     if chosen.len() < 2 {
         return Err(PrepareError::TooFew {
@@ -171,45 +175,50 @@ fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
 struct Decoded {
     picture: Picture,
     focal_px: Option<f64>,
-    seconds: Option<f64>,
+    /// Whole seconds of a calendar.
+    seconds: Option<u64>,
     sharpness: f64,
 }
 
 fn photos(files: &[PathBuf], options: &PhotoOptions) -> Result<Vec<Photo>, PrepareError> {
-    let decoded: Vec<Decoded> = files
+    let mut decoded: Vec<(&PathBuf, Decoded)> = files
         .par_iter()
-        .map(|file| decode(file, options.longest_px))
-        .collect::<Result<_, _>>()?;
+        .map(|file| Ok((file, decode(file, options.longest_px)?)))
+        .collect::<Result<_, PrepareError>>()?;
+    // Cameras start their numbers anew; within a second, names decide.
+    if decoded.iter().all(|(_, d)| d.seconds.is_some()) {
+        decoded.sort_by_key(|(_, d)| d.seconds);
+    }
     let sizes: Vec<(usize, usize)> = decoded
         .iter()
-        .map(|d| (d.picture.width, d.picture.height))
+        .map(|(_, d)| (d.picture.width, d.picture.height))
         .collect();
     let count = |size: &(usize, usize)| sizes.iter().filter(|other| *other == size).count();
     if let Some(&expected) = sizes.iter().max_by_key(|size| count(size))
         && let Some(odd) = sizes.iter().position(|size| *size != expected)
     {
         return Err(PrepareError::MixedSizes {
-            file: files[odd].clone(),
+            file: decoded[odd].0.clone(),
             found: sizes[odd],
             expected,
         });
     }
-    let sharpness: Vec<f64> = decoded.iter().map(|d| d.sharpness).collect();
-    let first = decoded.iter().find_map(|d| d.seconds);
+    let sharpness: Vec<f64> = decoded.iter().map(|(_, d)| d.sharpness).collect();
+    let first = decoded.iter().find_map(|(_, d)| d.seconds);
     Ok(sharpest(&sharpness, options.most)
         .into_iter()
-        .map(|index| Photo {
-            name: files[index]
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
-            image: rgb(&decoded[index].picture),
-            seconds: decoded[index]
-                .seconds
-                .zip(first)
-                .map(|(seconds, first)| seconds - first),
-            focal_px: decoded[index].focal_px,
+        .map(|index| {
+            let (file, decoded) = &decoded[index];
+            let name = file.file_stem().unwrap_or_default();
+            Photo {
+                name: name.to_string_lossy().into_owned(),
+                image: rgb(&decoded.picture),
+                seconds: decoded
+                    .seconds
+                    .zip(first)
+                    .map(|(seconds, first)| seconds.abs_diff(first) as f64),
+                focal_px: decoded.focal_px,
+            }
         })
         .collect())
 }
@@ -284,8 +293,8 @@ fn focal_px(exif: &exif::Exif, width: usize, height: usize) -> Option<f64> {
     Some(equivalent / FILM_DIAGONAL_MM * (width as f64).hypot(height as f64))
 }
 
-/// Seconds of the day and date, with whatever fraction there is; of use only as differences.
-fn seconds(exif: &exif::Exif) -> Option<f64> {
+/// When a photo was taken; of use only as a difference.
+fn seconds(exif: &exif::Exif) -> Option<u64> {
     let exif::Value::Ascii(texts) = &exif.get_field(Tag::DateTimeOriginal, In::PRIMARY)?.value else {
         return None;
     };
@@ -297,7 +306,7 @@ fn seconds(exif: &exif::Exif) -> Option<f64> {
     );
     let whole =
         86_400 * days + 3600 * u64::from(taken.hour) + 60 * u64::from(taken.minute) + u64::from(taken.second);
-    Some(whole as f64)
+    Some(whole)
 }
 
 /// Days of the Gregorian calendar, counted from a 1 March, so that leap days end a year.
