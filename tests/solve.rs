@@ -208,7 +208,32 @@ fn a_solve_starts_where_it_is_told() {
     let prior = concat!(env!("CARGO_MANIFEST_DIR"), "/data/priors/car.safetensors");
     refused(
         &car(),
+        &["--prior", "chair", "--init-style", "regressor"],
+        &["no regressor for `chair`", "train one"],
+    );
+    refused(
+        &car(),
         &["--init-style", prior],
         &["car.safetensors", "not a regressor"],
     );
+}
+
+#[test]
+fn the_bundled_regressor_is_its_file_and_no_mean_style() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/data/regressors/car.safetensors");
+    let shape = |from: &str, name: &str| {
+        let out = folder.path().join(name);
+        solve(&car(), &out, &[&QUICK[..], &["--init-style", from]].concat()).success();
+        std::fs::read(out.join("shape.ply")).unwrap()
+    };
+    let bundled = shape("regressor", "a");
+    assert!(bundled == shape(file, "b"));
+    assert!(bundled != shape("mean", "c"));
+}
+
+#[test]
+fn what_only_raw_pictures_need_is_refused_for_a_sequence() {
+    refused(&car(), &["--focal", "500"], &["--focal", "video", "leave it out"]);
+    refused(&car(), &["--max-frames", "5"], &["--max-frames"]);
 }
