@@ -3,6 +3,8 @@
 
 #![allow(unsafe_code)]
 
+// Only what prepares pictures adjusts bundles.
+#[cfg(feature = "vision")]
 pub mod bundle;
 pub mod ceres;
 #[cfg(feature = "vision")]

@@ -10,7 +10,7 @@ use spba_ceres::init::{self, Initialisation};
 use spba_ceres::prepare::Input;
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
-use spba_ceres::sequence::{self, Frame, Sequence};
+use spba_ceres::sequence::{Frame, Sequence};
 use spba_ceres::solver::{
     LinearSolver, Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank,
 };
@@ -211,7 +211,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
 #[cfg(feature = "vision")]
 fn prepared(args: &Args) -> anyhow::Result<PathBuf> {
-    if sequence::recognises(&args.input) || args.input.is_dir() && Input::find(&args.input).is_err() {
+    if spba_ceres::sequence::recognises(&args.input)
+        || args.input.is_dir() && Input::find(&args.input).is_err()
+    {
         if let Some(flag) = args.raw.given() {
             anyhow::bail!("{flag}: only for a video or a folder of pictures; leave it out");
         }
