@@ -214,6 +214,16 @@ fn what_cannot_be_prepared_is_refused() {
         &[text(&pictures), "--box", "1,2,3", "--out", text(&out)],
         "four numbers",
     );
+    for (flags, message) in [
+        (["--box", "5000,5000,10,10"], "--box: no pixel is inside it"),
+        (["--max-frames", "1"], "--max-frames: 1 is too few"),
+        (["--max-size", "0"], "--max-size: 0 is too few"),
+    ] {
+        refused(
+            &[text(&pictures), flags[0], flags[1], "--out", text(&out)],
+            message,
+        );
+    }
     // Two pictures of nothing have nothing in common.
     for name in ["a.png", "b.png"] {
         image::RgbImage::from_pixel(320, 240, image::Rgb([90, 90, 90]))

@@ -63,15 +63,11 @@ impl FocalSource {
 /// Focal lengths tried where nothing is known, in longer sides of the picture: a phone's to a tele lens's.
 const GUESSES: [f64; 4] = [0.8, 1.3, 2.2, 5.0];
 
-/// The cameras to try, centred, and how their focal length is known. `shrunk` is the pictures' size over that of the originals.
+/// The cameras to try, centred, and how their focal length is known.
 ///
 /// # Errors
 /// Photos whose EXIF data disagree.
-pub fn cameras(
-    photos: &[Photo],
-    flag: Option<Focal>,
-    shrunk: f64,
-) -> Result<(Vec<Pinhole>, FocalSource), PrepareError> {
+pub fn cameras(photos: &[Photo], flag: Option<Focal>) -> Result<(Vec<Pinhole>, FocalSource), PrepareError> {
     let (width, height) = photos.first().map_or((1, 1), |photo| photo.image.size());
     let (width, height) = (width as f64, height as f64);
     let camera = |focal_px: f64| Pinhole {
@@ -82,7 +78,7 @@ pub fn cameras(
     };
     if let Some(flag) = flag {
         let focal_px = match flag {
-            Focal::Pixels(px) => px * shrunk,
+            Focal::Pixels(px) => px * photos.first().map_or(1.0, |photo| photo.scale),
             Focal::Millimetres(mm) => mm / FILM_DIAGONAL_MM * width.hypot(height),
         };
         return Ok((vec![camera(focal_px)], FocalSource::Flag));
@@ -116,29 +112,30 @@ mod tests {
             image: Grid::filled(300, 400, [0.0; 3]),
             seconds: None,
             focal_px,
+            scale: 0.5,
         }
     }
 
     #[test]
     fn a_flag_comes_before_exif_data_and_those_before_guesses() {
         let photos = [photo(Some(500.0)), photo(Some(501.0))];
-        let (found, source) = cameras(&photos, Some("1000".parse().unwrap()), 0.5).unwrap();
+        let (found, source) = cameras(&photos, Some("1000".parse().unwrap())).unwrap();
         assert_eq!(
             (found[0].fx, found[0].cx, found[0].cy, source),
             (500.0, 150.0, 200.0, FocalSource::Flag)
         );
         // The diagonal is 500 pixels.
-        let (found, _) = cameras(&photos, Some("43.2666153mm".parse().unwrap()), 0.5).unwrap();
+        let (found, _) = cameras(&photos, Some("43.2666153mm".parse().unwrap())).unwrap();
         assert!((found[0].fx - 500.0).abs() < 1e-4);
-        assert_eq!(cameras(&photos, None, 1.0).unwrap().1, FocalSource::Exif);
-        let (found, source) = cameras(&[photo(None), photo(Some(500.0))], None, 1.0).unwrap();
+        assert_eq!(cameras(&photos, None).unwrap().1, FocalSource::Exif);
+        let (found, source) = cameras(&[photo(None), photo(Some(500.0))], None).unwrap();
         assert_eq!((found.len(), source), (GUESSES.len(), FocalSource::Refined));
     }
 
     #[test]
     fn zoomed_photos_and_senseless_flags_are_refused() {
         let photos = [photo(Some(500.0)), photo(Some(600.0))];
-        let message = cameras(&photos, None, 1.0).unwrap_err().to_string();
+        let message = cameras(&photos, None).unwrap_err().to_string();
         assert!(message.contains("500 to 600"), "{message}");
         for wrong in ["", "-3", "nanmm", "wide", "0"] {
             assert!(wrong.parse::<Focal>().is_err(), "{wrong}");

@@ -46,7 +46,7 @@ impl FromStr for ObjectBox {
 /// What can be chosen.
 #[derive(Clone, Debug, Default)]
 pub struct MaskOptions {
-    /// Around the object in the middle frame, in pixels of the pictures as they are read.
+    /// Around the object in the middle frame.
     pub object_box: Option<ObjectBox>,
 }
 
@@ -108,7 +108,8 @@ pub fn masks(
     let (region, source) = match (&options.object_box, &moving) {
         (Some(given), _) => {
             let inside = |column: usize, row: usize| {
-                let (x, y) = ((column as f64 + 0.5) / scale, (row as f64 + 0.5) / scale);
+                let of_original = |x: usize| (x as f64 + 0.5) / (scale * photo.scale);
+                let (x, y) = (of_original(column), of_original(row));
                 x > given.left
                     && x < given.left + given.width
                     && y > given.top
@@ -128,6 +129,13 @@ pub fn masks(
             (Grid::from_fn(width, height, inside), MaskSource::Middle)
         }
     };
+    if region.share() == 0.0 || region.share() == 1.0 {
+        return Err(PrepareError::Option {
+            option: "--box",
+            problem: "no pixel is inside it, or none outside".into(),
+            mend: "give left,top,width,height in pixels, with some background about the object",
+        });
+    }
     // From the middle, where the box is, both ways.
     let middle = pictures.len() / 2;
     let mut masks: Vec<Option<Mask>> = vec![None; pictures.len()];

@@ -59,6 +59,18 @@ pub type Watch<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
 /// # Errors
 /// An input that cannot be read, no object, or too little in common between frames.
 pub fn prepare(input: &Path, options: &PrepareOptions, watch: &Watch) -> Result<Prepared, PrepareError> {
+    for (option, value, least, mend) in [
+        ("--max-frames", options.photos.most, 2, "give 2 or more"),
+        ("--max-size", options.photos.longest_px, 64, "give 64 or more"),
+    ] {
+        if value < least {
+            return Err(PrepareError::Option {
+                option,
+                problem: format!("{value} is too few"),
+                mend,
+            });
+        }
+    }
     let mut stages = Vec::new();
     let mut began = Instant::now();
     let mut stage = |name, words: String| {
@@ -80,7 +92,7 @@ pub fn prepare(input: &Path, options: &PrepareOptions, watch: &Watch) -> Result<
         format!("{}, {:.0} % of a picture", source.words(), 100.0 * share),
     );
 
-    let (cameras, focal_source) = focal::cameras(&photos, options.focal, 1.0)?;
+    let (cameras, focal_source) = focal::cameras(&photos, options.focal)?;
     let views: Vec<View> = photos
         .iter()
         .zip(&masks)

@@ -42,8 +42,10 @@ pub struct Photo {
     pub image: RgbImage,
     /// Since the video's first frame or the first photo, where known.
     pub seconds: Option<f64>,
-    /// The focal length in pixels that a photo's EXIF data give.
+    /// The focal length in pixels of `image` that a photo's EXIF data give.
     pub focal_px: Option<f64>,
+    /// The image's size over that of the original.
+    pub scale: f64,
 }
 
 impl Input {
@@ -154,6 +156,7 @@ fn video(file: &Path, options: &PhotoOptions) -> Result<Vec<Photo>, PrepareError
                 image: rgb(&kept),
                 seconds: Some(kept.seconds),
                 focal_px: None,
+                scale: kept.width as f64 / picture.width as f64,
             });
         }
         number += 1;
@@ -175,6 +178,7 @@ fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
 struct Decoded {
     picture: Picture,
     focal_px: Option<f64>,
+    scale: f64,
     /// Whole seconds of a calendar.
     seconds: Option<u64>,
     sharpness: f64,
@@ -218,6 +222,7 @@ fn photos(files: &[PathBuf], options: &PhotoOptions) -> Result<Vec<Photo>, Prepa
                     .zip(first)
                     .map(|(seconds, first)| seconds.abs_diff(first) as f64),
                 focal_px: decoded.focal_px,
+                scale: decoded.scale,
             }
         })
         .collect())
@@ -254,6 +259,7 @@ fn decode(file: &Path, longest_px: usize) -> Result<Decoded, PrepareError> {
             .as_ref()
             .and_then(|exif| focal_px(exif, picture.width, picture.height)),
         seconds: exif.as_ref().and_then(seconds),
+        scale: picture.width as f64 / whole.width as f64,
         sharpness,
         picture,
     })
