@@ -28,6 +28,21 @@ pub mod ffi {
         object: Vec<f64>,
     }
 
+    /// How a network wants its picture: `side` × `side` pixels, of each channel in \[0, 255\] (value − mean) / deviation.
+    #[derive(Clone, Copy, Debug)]
+    struct NetworkInput {
+        side: usize,
+        mean: [f64; 3],
+        deviation: [f64; 3],
+    }
+
+    /// An output of a network, the last dimension fastest.
+    #[derive(Clone, Debug, Default)]
+    struct Tensor {
+        shape: Vec<usize>,
+        values: Vec<f32>,
+    }
+
     /// Which features.
     #[derive(Clone, Copy, Debug)]
     struct DetectOptions {
@@ -63,6 +78,7 @@ pub mod ffi {
 
     unsafe extern "C++" {
         include!("spba-ceres/cpp/vision/features.h");
+        include!("spba-ceres/cpp/vision/network.h");
         include!("spba-ceres/cpp/vision/remap.h");
         include!("spba-ceres/cpp/vision/segment.h");
         include!("spba-ceres/cpp/vision/video.h");
@@ -90,6 +106,12 @@ pub mod ffi {
         fn clean(mask: &mut [u8], width: usize, height: usize, radius: usize) -> Result<()>;
         /// A mask (0, 1) so many pixels wider, or narrower.
         fn grow(mask: &mut [u8], width: usize, height: usize, by: i32) -> Result<()>;
+
+        type Network;
+        /// An ONNX network; an error where OpenCV cannot run it.
+        fn read_network(path: &str) -> Result<UniquePtr<Network>>;
+        /// All outputs for a picture.
+        fn run(self: Pin<&mut Network>, picture: &Picture, input: &NetworkInput) -> Result<Vec<Tensor>>;
 
         /// SIFT features where the mask is not 0, and their descriptors (128 each, the roots of shares), appended.
         fn detect(

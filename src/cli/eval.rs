@@ -4,8 +4,8 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use spba_ceres::eval::{Estimated, MeanMax, Platform, TruthErrors, TurnErrors, TurnTable, against_truth};
 use spba_ceres::geometry::Rotation3;
-use spba_ceres::image::read_depth;
-use spba_ceres::report::{RunResult, file_stems, read_shape};
+use spba_ceres::image::{mask_of, read_depth, read_mask};
+use spba_ceres::report::{RunResult, density, file_stems, read_shape, silhouette_iou};
 use spba_ceres::sequence::{LoadOptions, Sequence, load};
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 ///
 /// PATH is a result folder, or a sequence or COLMAP workspace whose own poses and depth are to be measured.
 #[derive(clap::Args)]
-#[command(group(clap::ArgGroup::new("against").required(true).args(["truth", "turn"])))]
+#[command(group(clap::ArgGroup::new("against").required(true).args(["truth", "turn", "masks"])))]
 pub struct Args {
     /// Result folder of `solve`, a sequence, or a COLMAP workspace
     path: PathBuf,
@@ -30,6 +30,9 @@ pub struct Args {
     /// When each image was taken (times.txt: image, seconds)
     #[arg(long, value_name = "FILE", requires = "turn")]
     times: Option<PathBuf>,
+    /// Folder of masks named like PATH's frames: how well the masks of PATH, a sequence, agree with them
+    #[arg(long, value_name = "FOLDER")]
+    masks: Option<PathBuf>,
     /// With --turn: the sequence that PATH was solved from, to measure its own poses beside the result's
     #[arg(long, value_name = "SEQUENCE", requires = "turn")]
     input: Option<PathBuf>,
@@ -39,6 +42,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(folder) = &args.masks {
+        return mask_columns(args, folder);
+    }
     let result = match args.path.join("result.json").exists() {
         true => Some(RunResult::load(&args.path)?),
         false => None,
@@ -48,6 +54,55 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         (None, Some(turn), Some(times)) => turn_columns(args, result.as_ref(), &Platform::load(turn, times)?),
         _ => bail!("nothing to measure against; give --truth, or --turn and --times"),
     }
+}
+
+/// Intersection over union of each frame's mask, and the share of it with off-the-shelf depth.
+fn mask_columns(args: &Args, folder: &Path) -> anyhow::Result<()> {
+    #[derive(Serialize)]
+    struct Row {
+        frame: String,
+        iou: f64,
+        depth_share: f64,
+    }
+    let row = |frame: spba_ceres::sequence::Frame| -> anyhow::Result<Row> {
+        let reference = read_mask(&mask_of(folder, &frame.name)?)?;
+        anyhow::ensure!(
+            reference.size() == frame.mask.size(),
+            "frame {}: its mask is {:?} pixels, the one in {} {:?}; give masks of the sequence's own pictures",
+            frame.name,
+            frame.mask.size(),
+            folder.display(),
+            reference.size()
+        );
+        let known = frame
+            .depth
+            .as_ref()
+            .map(|depth| density(&frame.mask, &depth.known()));
+        Ok(Row {
+            iou: silhouette_iou(&frame.mask, &reference),
+            depth_share: known.unwrap_or(0.0),
+            frame: frame.name,
+        })
+    };
+    let rows: Vec<Row> = sequence(&args.path)?
+        .frames
+        .into_iter()
+        .map(row)
+        .collect::<anyhow::Result<_>>()?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&rows)?);
+        return Ok(());
+    }
+    println!("{:<32}{:>10}{:>16}", "frame", "mask IoU", "with depth, %");
+    let line = |name: &str, iou: f64, share: f64| println!("{name:<32}{iou:>10.3}{:>16.1}", 100.0 * share);
+    for row in &rows {
+        line(&row.frame, row.iou, row.depth_share);
+    }
+    let mean = |value: &dyn Fn(&Row) -> f64| rows.iter().map(value).sum::<f64>() / rows.len() as f64;
+    line("mean", mean(&|row| row.iou), mean(&|row| row.depth_share));
+    let least = |value: &dyn Fn(&Row) -> f64| rows.iter().map(value).fold(f64::INFINITY, f64::min);
+    line("min", least(&|row| row.iou), least(&|row| row.depth_share));
+    Ok(())
 }
 
 fn sequence(path: &Path) -> anyhow::Result<Sequence> {

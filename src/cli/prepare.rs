@@ -3,9 +3,10 @@
 use super::progress::interruption;
 use indicatif::{ProgressBar, ProgressStyle};
 use spba_ceres::prepare::{
-    self, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
+    self, Cache, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
 };
-use spba_ceres::sequence::{self, SequenceError};
+use spba_ceres::report;
+use spba_ceres::sequence::{self, LoadOptions, SequenceError};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
@@ -17,6 +18,12 @@ pub struct Args {
     input: PathBuf,
     #[command(flatten)]
     raw: RawArgs,
+    /// What the object is, for a --segmenter that tells classes apart: car, chair, airplane [default: anything]
+    #[arg(long, value_name = "NAME")]
+    category: Option<String>,
+    /// Write a contact sheet, review.png, into the sequence folder: every frame with its mask and depth
+    #[arg(long)]
+    review: bool,
     /// The sequence folder to make; one that this command made of the same input is left as it is
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
@@ -33,8 +40,11 @@ pub struct RawArgs {
     #[arg(long = "box", value_name = "X,Y,W,H")]
     object_box: Option<ObjectBox>,
     /// Folder of masks (white = object), named like the pictures
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["object_box", "segmenter"])]
     masks: Option<PathBuf>,
+    /// Network that finds the object (scripts/fetch_segmenter fetches one), a TOML file of the same name beside it
+    #[arg(long, value_name = "ONNX")]
+    segmenter: Option<PathBuf>,
     /// At most so many frames: of as many groups in a row, the sharpest each [default: 40]
     #[arg(long, value_name = "N")]
     max_frames: Option<usize>,
@@ -50,6 +60,7 @@ impl RawArgs {
             (self.focal.is_some(), "--focal"),
             (self.object_box.is_some(), "--box"),
             (self.masks.is_some(), "--masks"),
+            (self.segmenter.is_some(), "--segmenter"),
             (self.max_frames.is_some(), "--max-frames"),
             (self.max_size.is_some(), "--max-size"),
         ]
@@ -57,7 +68,7 @@ impl RawArgs {
         .find_map(|(given, flag)| given.then_some(flag))
     }
 
-    fn options(&self) -> PrepareOptions {
+    fn options(&self, category: Option<&str>) -> PrepareOptions {
         let photos = PhotoOptions::default();
         PrepareOptions {
             photos: PhotoOptions {
@@ -66,22 +77,31 @@ impl RawArgs {
             },
             focal: self.focal,
             masks: MaskOptions {
+                given: self.masks.clone(),
                 object_box: self.object_box,
+                segmenter: self.segmenter.clone(),
+                category: category.map(str::to_owned),
             },
-            given_masks: self.masks.clone(),
             ..PrepareOptions::default()
         }
     }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    prepare(&args.input, &args.raw, &args.out)
+    prepare(&args.input, &args.raw, args.category.as_deref(), &args.out)?;
+    if args.review {
+        let sheet = args.out.join("review.png");
+        report::write_review(&sequence::load(&args.out, &LoadOptions::default())?, &sheet)?;
+        println!("{:16} {}", "review", sheet.display());
+    }
+    Ok(())
 }
 
-/// Makes `out` of a video or pictures, unless that is what it holds already. Says what each stage did.
-pub fn prepare(input: &Path, raw: &RawArgs, out: &Path) -> anyhow::Result<()> {
+/// Makes `out` of a video or pictures, unless that is what it holds already. Says what each stage did; what the stages made is
+/// kept in `<out>.cache` for runs with other options and after an interruption.
+pub fn prepare(input: &Path, raw: &RawArgs, category: Option<&str>, out: &Path) -> anyhow::Result<()> {
     let interrupted = interruption()?;
-    let options = raw.options();
+    let options = raw.options(category);
     let stamp = Stamp::new(input, &options)?;
     if out.symlink_metadata().is_ok() {
         anyhow::ensure!(
@@ -94,7 +114,10 @@ pub fn prepare(input: &Path, raw: &RawArgs, out: &Path) -> anyhow::Result<()> {
     let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed_precise} {msg}")?;
     let bar = ProgressBar::new(0).with_style(style);
     let stage_shown = Mutex::new("");
-    let Prepared { sequence, stages } = prepare::prepare(input, &options, &|stage, steps| {
+    let mut folder = out.as_os_str().to_owned();
+    folder.push(".cache");
+    let cache = Cache::new(folder.into());
+    let Prepared { sequence, stages } = prepare::prepare(input, &options, &cache, &|stage, steps| {
         if let Ok(mut shown) = stage_shown.lock()
             && *shown != stage
         {

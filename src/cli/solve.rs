@@ -160,10 +160,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .build_global()
         .context("threads")?;
 
-    let input = prepared(args)?;
+    let (learned, prior_info) = prior::open(&config.prior)?;
+    let input = prepared(args, &prior_info.category)?;
     let began = Instant::now();
     let mut sequence = read(&input, &config.input.load_options()?)?;
-    let (learned, prior_info) = prior::open(&config.prior)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
@@ -210,7 +210,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
 #[cfg(feature = "vision")]
-fn prepared(args: &Args) -> anyhow::Result<PathBuf> {
+fn prepared(args: &Args, category: &str) -> anyhow::Result<PathBuf> {
     if spba_ceres::sequence::recognises(&args.input)
         || args.input.is_dir() && Input::find(&args.input).is_err()
     {
@@ -222,12 +222,12 @@ fn prepared(args: &Args) -> anyhow::Result<PathBuf> {
     let mut name = args.input.file_name().unwrap_or_default().to_owned();
     name.push(".sequence");
     let folder = args.out.with_file_name(name);
-    super::prepare::prepare(&args.input, &args.raw, &folder)?;
+    super::prepare::prepare(&args.input, &args.raw, Some(category), &folder)?;
     Ok(folder)
 }
 
 #[cfg(not(feature = "vision"))]
-fn prepared(args: &Args) -> anyhow::Result<PathBuf> {
+fn prepared(args: &Args, _category: &str) -> anyhow::Result<PathBuf> {
     Ok(args.input.clone())
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Pinhole intrinsics in pixels; the centre of the top-left pixel is (0.5, 0.5).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Pinhole {
     pub fx: f64,
     pub fy: f64,

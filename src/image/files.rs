@@ -1,7 +1,7 @@
 //! Colour images and masks as PNG or JPEG files.
 
 use super::{Grid, ImageError, Mask, RgbImage};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Reads a PNG or JPEG (told by content, not by name) as RGB in \[0, 255\].
 pub fn read_rgb(file: &Path) -> Result<RgbImage, ImageError> {
@@ -17,6 +17,22 @@ pub fn read_rgb_covering(file: &Path, width: usize, height: usize) -> Result<Rgb
         height as u32,
         filter,
     )))
+}
+
+/// Where a picture's mask is: named like the picture, with or without the picture's own ending (`a.png` or `a.jpg.png` for `a.jpg`).
+/// `name` is the picture's, without its ending. A file that does not exist where there is no mask.
+pub fn mask_of(folder: &Path, name: &str) -> Result<PathBuf, ImageError> {
+    let belongs = |file: &PathBuf| {
+        let stem = file.file_stem().map(Path::new);
+        let name = Some(std::ffi::OsStr::new(name));
+        stem.map(Path::as_os_str) == name || stem.and_then(Path::file_stem) == name
+    };
+    let entries = std::fs::read_dir(folder).map_err(|source| ImageError::read(folder, source))?;
+    let files = entries.flatten().map(|entry| entry.path());
+    Ok(files
+        .filter(belongs)
+        .min()
+        .unwrap_or_else(|| folder.join(format!("{name}.png"))))
 }
 
 /// Reads a mask: true where the image's brightness exceeds 127.

@@ -1,7 +1,7 @@
 //! A row-major raster of any pixel type.
 
 /// A `width` × `height` raster, row-major; pixel (column, row) covers \[column, column + 1) × \[row, row + 1).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Grid<T> {
     width: usize,
     height: usize,

@@ -14,7 +14,7 @@ pub use blur::blur;
 pub use depth::{read_depth, write_depth};
 pub use distance::NearestPixel;
 pub use error::ImageError;
-pub use files::{read_mask, read_rgb, read_rgb_covering, write_mask, write_rgb};
+pub use files::{mask_of, read_mask, read_rgb, read_rgb_covering, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
 pub use pyramid::{halve_depth, halve_image, halve_mask, pyramid};
 

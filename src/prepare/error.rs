@@ -1,5 +1,6 @@
 //! Why an input cannot be prepared. One line each: what, why, mend.
 
+use super::masks::SegmenterError;
 use super::motion::MotionError;
 use crate::image::ImageError;
 use crate::sequence::SequenceError;
@@ -31,8 +32,12 @@ pub enum PrepareError {
         problem: String,
         mend: &'static str,
     },
-    #[error("frame {frame}: no object found in it; give --box x,y,w,h, or masks")]
-    NoObject { frame: String },
+    #[error(
+        "frames: an object was found in {found} of {frames} only; give --box x,y,w,h, a --segmenter or --masks"
+    )]
+    NoObject { found: usize, frames: usize },
+    #[error(transparent)]
+    Segmenter(#[from] SegmenterError),
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]

@@ -86,6 +86,14 @@ impl Input {
         Ok(Self::Photos(files))
     }
 
+    /// All files it is made of.
+    pub fn files(&self) -> Vec<PathBuf> {
+        match self {
+            Self::Video(file) => vec![file.clone()],
+            Self::Photos(files) => files.clone(),
+        }
+    }
+
     /// The chosen frames.
     ///
     /// # Errors

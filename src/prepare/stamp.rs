@@ -1,9 +1,9 @@
 //! What a prepared sequence was made of, so that it is not made twice.
 
+use super::cache::Key;
 use super::{Input, PrepareError, PrepareOptions};
 use crate::sequence::SequenceError;
 use serde::{Deserialize, Serialize};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 /// The contents of an input and the options, in short.
@@ -22,14 +22,8 @@ impl Stamp {
     /// # Errors
     /// An input that cannot be read.
     pub fn new(input: &Path, options: &PrepareOptions) -> Result<Self, PrepareError> {
-        let mut hasher = DefaultHasher::new();
-        // Options are told apart by how they print.
-        format!("{options:?}").hash(&mut hasher);
-        let mut files = match Input::find(input)? {
-            Input::Video(file) => vec![file],
-            Input::Photos(files) => files,
-        };
-        if let Some(folder) = &options.given_masks {
+        let mut files = Input::find(input)?.files();
+        if let Some(folder) = &options.masks.given {
             let mut masks: Vec<PathBuf> = std::fs::read_dir(folder)
                 .map_err(|source| PrepareError::Read {
                     file: folder.clone(),
@@ -42,16 +36,16 @@ impl Stamp {
             masks.sort();
             files.extend(masks);
         }
-        for file in files {
-            let bytes = std::fs::read(&file).map_err(|source| PrepareError::Read {
-                file: file.clone(),
-                source,
-            })?;
-            (file.file_name(), bytes).hash(&mut hasher);
+        if let Some(network) = &options.masks.segmenter {
+            files.extend(
+                [network.clone(), network.with_extension("toml")]
+                    .into_iter()
+                    .filter(|file| file.is_file()),
+            );
         }
         Ok(Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            input: format!("{:016x}", hasher.finish()),
+            input: contents(&files)?.and(options).to_string(),
         })
     }
 
@@ -70,6 +64,22 @@ impl Stamp {
         crate::files::write_whole(&file, &json).map_err(|source| SequenceError::write(&file, source))?;
         Ok(())
     }
+}
+
+/// Of files' names and bytes.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn contents(files: &[PathBuf]) -> Result<Key, PrepareError> {
+    let mut key = Key::of("files");
+    for file in files {
+        let bytes = std::fs::read(file).map_err(|source| PrepareError::Read {
+            file: file.clone(),
+            source,
+        })?;
+        key = Key::of(&(key, file.file_name(), bytes));
+    }
+    Ok(key)
 }
 
 #[cfg(test)]

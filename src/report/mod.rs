@@ -15,6 +15,7 @@ mod overlap;
 mod overlay;
 mod ply;
 mod result;
+mod review;
 mod sheet;
 mod surface;
 mod trace;
@@ -30,6 +31,7 @@ pub(crate) use nearest::Neighbours;
 pub use overlap::{density, silhouette_iou};
 pub use ply::read_shape;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
+pub use review::write_review;
 pub use surface::{Surface, View};
 pub use write::{ReportInput, Written, write};
 

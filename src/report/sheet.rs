@@ -1,11 +1,10 @@
-//! The contact sheet: up to 16 frames, each as it is and with its overlay below, cut to where the object is.
+//! Contact sheets: frames, each as it is and with its overlay below, cut to where the object is.
 
-use super::{FrameResult, lettering};
+use super::lettering;
 use crate::sequence::Frame;
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage as Picture};
 
-const FRAMES: usize = 16;
 const COLUMNS: usize = 4;
 const TILE_WIDTH: u32 = 400;
 const GAP: u32 = 10;
@@ -14,7 +13,7 @@ const MARGIN: f64 = 0.12;
 const PAPER: Rgb<u8> = Rgb([24, 24, 28]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 
-/// Collects the frames that the sheet shows: evenly spread over the sequence, first and last included.
+/// Collects the frames that the sheet shows: at most so many, evenly spread over the sequence, first and last included.
 pub(super) struct Sheet {
     chosen: Vec<usize>,
     /// Left, top, right, bottom in pixels; the last two exclusive.
@@ -24,25 +23,32 @@ pub(super) struct Sheet {
 
 struct Tile {
     name: String,
-    iou: String,
+    caption: String,
     image: Picture,
     overlay: Picture,
 }
 
 impl Sheet {
-    pub(super) fn new(frames: &[Frame]) -> Self {
+    pub(super) fn new(frames: &[Frame], most: usize) -> Self {
         Self {
-            chosen: spread(frames.len()),
+            chosen: spread(frames.len(), most),
             window: window(frames),
             tiles: Vec::new(),
         }
     }
 
-    pub(super) fn add(&mut self, frame: usize, result: &FrameResult, image: &Picture, overlay: &Picture) {
+    pub(super) fn add(
+        &mut self,
+        frame: usize,
+        name: &str,
+        caption: String,
+        image: &Picture,
+        overlay: &Picture,
+    ) {
         if self.chosen.contains(&frame) {
             self.tiles.push(Tile {
-                name: result.name.clone(),
-                iou: format!("IoU {:.3}", result.silhouette_iou),
+                name: name.to_owned(),
+                caption,
                 image: self.cut(image),
                 overlay: self.cut(overlay),
             });
@@ -88,10 +94,10 @@ impl Sheet {
 
 impl Tile {
     fn draw(&self, sheet: &mut Picture, left: u32, top: u32, caption: u32) {
-        let iou_width = lettering::width(&self.iou);
-        let name = lettering::tail(&self.name, TILE_WIDTH - iou_width - 2 * GAP);
+        let right = lettering::width(&self.caption);
+        let name = lettering::tail(&self.name, TILE_WIDTH - right - 2 * GAP);
         lettering::write(sheet, (left, top), &name, INK);
-        lettering::write(sheet, (left + TILE_WIDTH - iou_width, top), &self.iou, INK);
+        lettering::write(sheet, (left + TILE_WIDTH - right, top), &self.caption, INK);
         let (left, top) = (i64::from(left), top + caption);
         imageops::replace(sheet, &self.image, left, i64::from(top));
         imageops::replace(
@@ -103,8 +109,8 @@ impl Tile {
     }
 }
 
-fn spread(frame_count: usize) -> Vec<usize> {
-    let shown = frame_count.min(FRAMES);
+fn spread(frame_count: usize, most: usize) -> Vec<usize> {
+    let shown = frame_count.min(most);
     let (last, steps) = (frame_count.saturating_sub(1), shown.saturating_sub(1));
     (0..shown)
         .map(|i| (i * last + steps / 2) / steps.max(1))
@@ -147,10 +153,10 @@ mod tests {
 
     #[test]
     fn frames_are_spread_evenly() {
-        assert!(spread(0).is_empty());
-        assert_eq!(spread(1), [0]);
-        assert_eq!(spread(3), [0, 1, 2]);
-        let chosen = spread(46);
+        assert!(spread(0, 16).is_empty());
+        assert_eq!(spread(1, 16), [0]);
+        assert_eq!(spread(3, 16), [0, 1, 2]);
+        let chosen = spread(46, 16);
         assert_eq!((chosen.len(), chosen[0], chosen[15]), (16, 0, 45));
         assert!(
             chosen

@@ -39,6 +39,9 @@ pub struct Written {
     pub result: RunResult,
 }
 
+/// Frames on a result's contact sheet.
+const SHOWN: usize = 16;
+
 /// Writes the result folder `out`: complete, or not at all. Refuses an `out` that exists and values that are not
 /// finite.
 pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
@@ -51,7 +54,7 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let stems = file_stems(sequence.frames.iter().map(|frame| frame.name.as_str()));
     let mut gatherer = ColourGatherer::new(input.surface.points().len());
     let mut colmap = ColmapModel::new(input.surface.points().len());
-    let mut sheet = Sheet::new(&sequence.frames);
+    let mut sheet = Sheet::new(&sequence.frames, SHOWN);
     let mut frames = Vec::new();
     for (i, ((frame, pose), stem)) in sequence.frames.iter().zip(&poses).zip(&stems).enumerate() {
         let view = input.surface.render(&frame.camera, pose, frame.image.size());
@@ -67,7 +70,13 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
         write_depth(&view.depth, &depth_folder.join(format!("{stem}.exr")))?;
         let overlay = overlay::overlay(&frame.image, &view.depth, &frame.mask);
         save_png(&overlay_folder.join(format!("{stem}.png")), &overlay)?;
-        sheet.add(i, &result, &overlay::picture(&frame.image), &overlay);
+        sheet.add(
+            i,
+            &frame.name,
+            format!("IoU {:.3}", result.silhouette_iou),
+            &overlay::picture(&frame.image),
+            &overlay,
+        );
         frames.push(result);
     }
     save_png(&staging.path().join("overlay.png"), &sheet.draw())?;
@@ -235,7 +244,7 @@ fn summarise(
     }
 }
 
-fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {
+pub(super) fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {
     picture
         .save_with_format(path, image::ImageFormat::Png)
         .map_err(|error| ReportError::format(path, error))

@@ -15,6 +15,7 @@ const RATIO: f32 = 0.85;
 const BORDER: f64 = 0.01;
 
 /// What frames have in common.
+#[derive(serde::Serialize, serde::Deserialize)]
 pub struct Matching {
     /// Per frame: where its features are.
     pub features: Vec<Vec<[f64; 2]>>,
@@ -25,6 +26,7 @@ pub struct Matching {
 }
 
 /// Two frames and which features of theirs are alike.
+#[derive(serde::Serialize, serde::Deserialize)]
 pub struct Pair {
     pub frames: [usize; 2],
     pub matches: Vec<[u32; 2]>,

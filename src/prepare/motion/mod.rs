@@ -41,7 +41,7 @@ pub struct View<'a> {
 }
 
 /// Poses of the frames that could be placed, and the features' points, in the units of the first pair's baseline.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Motion {
     /// Of every frame; fx and fy as adjusted.
     pub camera: Pinhole,

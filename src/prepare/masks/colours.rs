@@ -2,77 +2,10 @@
 //!
 //! The box is given, or found where something moves before a background that stays.
 
-use super::{Photo, PrepareError};
+use super::{MaskSource, ObjectBox, cleaned, picture};
 use crate::bridge::vision::ffi::{self, Colours, Picture};
 use crate::image::{Grid, Mask};
-use std::str::FromStr;
-
-/// A box in pixels of the original pictures.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ObjectBox {
-    pub left: f64,
-    pub top: f64,
-    pub width: f64,
-    pub height: f64,
-}
-
-impl FromStr for ObjectBox {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let numbers: Vec<f64> = text
-            .split(',')
-            .filter_map(|part| part.trim().parse().ok())
-            .collect();
-        match numbers[..] {
-            [left, top, width, height]
-                if text.split(',').count() == 4
-                    && numbers.iter().all(|x| x.is_finite())
-                    && width > 0.0
-                    && height > 0.0 =>
-            {
-                Ok(Self {
-                    left,
-                    top,
-                    width,
-                    height,
-                })
-            }
-            _ => Err("give four numbers: left,top,width,height in pixels"),
-        }
-    }
-}
-
-/// What can be chosen.
-#[derive(Clone, Debug, Default)]
-pub struct MaskOptions {
-    /// Around the object in the middle frame.
-    pub object_box: Option<ObjectBox>,
-}
-
-/// Where masks come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MaskSource {
-    /// Files.
-    Given,
-    /// GrabCut in the box that was given.
-    Box,
-    /// GrabCut where something moves before a still background.
-    Motion,
-    /// GrabCut about the middle of the picture: nothing better was known.
-    Middle,
-}
-
-impl MaskSource {
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Given => "from files",
-            Self::Box => "GrabCut in the given box",
-            Self::Motion => "GrabCut where something moves before a still background",
-            Self::Middle => "GrabCut about the middle: give --box if the object is elsewhere",
-        }
-    }
-}
+use crate::prepare::{Photo, PrepareError};
 
 /// Labels of GrabCut.
 const BACKGROUND: u8 = 0;
@@ -86,14 +19,14 @@ const FLICKER: f32 = 7.0;
 const STILL: f64 = 0.7;
 const ITERATIONS: usize = 4;
 
-/// A mask for every photo.
+/// A mask for every photo, empty where nothing was found.
 ///
 /// # Errors
-/// A frame without object, or OpenCV's own.
+/// A box without pixels, or OpenCV's own.
 pub fn masks(
     photos: &[Photo],
-    options: &MaskOptions,
-    watch: &dyn Fn() -> bool,
+    object_box: Option<&ObjectBox>,
+    watch: &dyn Fn(usize) -> bool,
 ) -> Result<(Vec<Mask>, MaskSource), PrepareError> {
     let pictures: Vec<Picture> = photos
         .iter()
@@ -105,16 +38,11 @@ pub fn masks(
     let (width, height) = (first.width, first.height);
     let scale = width as f64 / photo.image.width() as f64;
     let moving = moving(&pictures)?;
-    let (region, source) = match (&options.object_box, &moving) {
+    let (region, source) = match (object_box, &moving) {
         (Some(given), _) => {
-            let inside = |column: usize, row: usize| {
-                let of_original = |x: usize| (x as f64 + 0.5) / (scale * photo.scale);
-                let (x, y) = (of_original(column), of_original(row));
-                x > given.left
-                    && x < given.left + given.width
-                    && y > given.top
-                    && y < given.top + given.height
-            };
+            let given = given.in_image(photo);
+            let of_image = |x: usize| (x as f64 + 0.5) / scale;
+            let inside = |column: usize, row: usize| given.contains(of_image(column), of_image(row));
             (Grid::from_fn(width, height, inside), MaskSource::Box)
         }
         (None, Some(moving)) => (moving.clone(), MaskSource::Motion),
@@ -130,11 +58,7 @@ pub fn masks(
         }
     };
     if region.share() == 0.0 || region.share() == 1.0 {
-        return Err(PrepareError::Option {
-            option: "--box",
-            problem: "no pixel is inside it, or none outside".into(),
-            mend: "give left,top,width,height in pixels, with some background about the object",
-        });
+        return Err(ObjectBox::error("no pixel is inside it, or none outside"));
     }
     // From the middle, where the box is, both ways.
     let middle = pictures.len() / 2;
@@ -156,7 +80,7 @@ pub fn masks(
             (middle + 1..pictures.len()).collect()
         };
         for frame in frames {
-            if !watch() {
+            if !watch(pictures.len()) {
                 return Err(PrepareError::Interrupted);
             }
             let before = if backwards { frame + 1 } else { frame - 1 };
@@ -174,38 +98,20 @@ pub fn masks(
     let full = photo.image.size();
     let masks = masks
         .into_iter()
-        .zip(photos)
-        .map(|(mask, photo)| {
-            let empty = || PrepareError::NoObject {
-                frame: photo.name.clone(),
-            };
-            let mask = mask.ok_or_else(empty)?;
-            if mask.share() == 0.0 {
-                return Err(empty());
-            }
-            Ok(Grid::from_fn(full.0, full.1, |column, row| {
+        .flatten()
+        .map(|mask| {
+            Grid::from_fn(full.0, full.1, |column, row| {
                 let at = |x: usize| ((x as f64 + 0.5) * scale) as usize;
                 mask[(at(column).min(width - 1), at(row).min(height - 1))]
-            }))
+            })
         })
-        .collect::<Result<_, PrepareError>>()?;
+        .collect();
     Ok((masks, source))
 }
 
 fn working(photo: &Photo) -> Result<Picture, cxx::Exception> {
     let (width, height) = photo.image.size();
-    let whole = Picture {
-        width,
-        height,
-        rgb: photo
-            .image
-            .data()
-            .iter()
-            .flatten()
-            .map(|value| value.round().clamp(0.0, 255.0) as u8)
-            .collect(),
-        seconds: 0.0,
-    };
+    let whole = picture(&photo.image);
     let longest = width.max(height);
     if longest <= WORKING_PX {
         return Ok(whole);
@@ -288,26 +194,5 @@ fn cut(
 ) -> Result<Mask, cxx::Exception> {
     let (width, height) = (picture.width, picture.height);
     ffi::grab_cut(picture, &mut labels, colours, learn, ITERATIONS)?;
-    let mut mask: Vec<u8> = labels.iter().map(|label| label % 2).collect();
-    ffi::clean(&mut mask, width, height, 2)?;
-    Ok(Grid::from_fn(width, height, |column, row| {
-        mask[row * width + column] != 0
-    }))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_box_is_four_numbers() {
-        let parsed: ObjectBox = "10, 20.5,30,40".parse().unwrap();
-        assert_eq!(
-            (parsed.left, parsed.top, parsed.width, parsed.height),
-            (10.0, 20.5, 30.0, 40.0)
-        );
-        for wrong in ["", "1,2,3", "1,2,3,4,5", "1,2,0,4", "1,2,x,4", "nan,1,2,3"] {
-            assert!(wrong.parse::<ObjectBox>().is_err(), "{wrong}");
-        }
-    }
+    cleaned(labels.iter().map(|label| label % 2).collect(), width, height, 2)
 }
