@@ -19,6 +19,7 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         .map_err(|error| format!("Eigen is needed (Debian: libeigen3-dev): {error}"))?;
     let sources = [
         "bundle",
+        "free_depth",
         "logs",
         "nearest",
         "objective",

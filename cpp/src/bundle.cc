@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "baseline.h"
 #include "logs.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
 #include "spba/reprojection.h"
@@ -31,12 +32,7 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
   } else {
     problem.SetParameterBlockConstant(&bundle.zoom);
   }
-  // The first camera is the frame of the world, its distance to the second the unit of length.
-  if (problem.HasParameterBlock(&bundle.cameras[0])) problem.SetParameterBlockConstant(&bundle.cameras[0]);
-  if (cameras > 1 && problem.HasParameterBlock(&bundle.cameras[6])) {
-    using Baseline = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
-    problem.SetManifold(&bundle.cameras[6], new Baseline);
-  }
+  HoldGauge(problem, bundle.cameras.data(), cameras);
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = static_cast<int>(options.max_iterations);

@@ -33,9 +33,9 @@ std::vector<float> SmoothImage(double phase) {
   return rgb;
 }
 
-// p0, dp and x such that both cameras see the point in front of them.
+// p0, dp and x such that both cameras see the point in front of them; another pose near p0.
 struct Point {
-  double p0[6], motion[6], x[3];
+  double p0[6], motion[6], x[3], other[6];
 };
 
 std::vector<Point> Points() {
@@ -54,13 +54,16 @@ std::vector<Point> Points() {
         point.p0[3 + i] = 0.1 * unit(random) + (i == 2 ? 2.0 : 0.0);
         point.motion[3 + i] = 0.1 * unit(random);
         point.x[i] = 0.4 * unit(random);
+        point.other[i] = point.p0[i] + 0.02 * unit(random);
+        point.other[3 + i] = point.p0[3 + i] + 0.1 * unit(random);
       }
       points.push_back(point);
     }
   }
   // On the image's border and beyond it, where sampling must stay differentiable.
   for (const double side : {-0.886, 0.943, -3.0, 3.0}) {
-    points.push_back({{0, 0, 0, 0, 0, 2.0}, {0, 0.01, 0, 0.01, 0, 0}, {side, 0.1, 0.0}});
+    points.push_back(
+        {{0, 0, 0, 0, 0, 2.0}, {0, 0.01, 0, 0.01, 0, 0}, {side, 0.1, 0.0}, {0, 0, 0.01, side, 0, 2.0}});
   }
   return points;
 }
@@ -70,6 +73,7 @@ using Parameters = std::vector<const double*> (*)(const Point&);
 
 std::vector<const double*> OfPair(const Point& point) { return {point.p0, point.motion, point.x, &kAlpha}; }
 std::vector<const double*> OfOneView(const Point& point) { return {point.p0, point.x, &kAlpha}; }
+std::vector<const double*> OfFreeDepth(const Point& point) { return {point.p0, point.other, &kAlpha}; }
 std::vector<const double*> OfZoom(const Point&) { return {&kAlpha}; }
 
 int Check(const std::string& name, const ceres::CostFunction& cost, const std::vector<Point>& points,
@@ -102,13 +106,13 @@ int Check(const std::string& name, const ceres::CostFunction& cost, const std::v
 }
 
 int CheckBehind(const std::string& name, const ceres::CostFunction& cost, Parameters parameters_of) {
-  const Point behind{{0, 0, 0, 0, 0, -2.0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.1}};
-  const Point on_plane{{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.0}};
+  const Point behind{{0, 0, 0, 0, 0, -2.0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.1}, {0, kPi, 0, 0, 0, -4.0}};
+  const Point on_plane{{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}, {0.1, 0.1, 0.0}, {0, kPi, 0, 0, 0, 0}};
   int failures = 0;
   for (const Point& point : {behind, on_plane}) {
     const auto parameters = parameters_of(point);
-    double residuals[3];
-    if (cost.Evaluate(parameters.data(), residuals, nullptr)) ++failures;
+    std::vector<double> residuals(static_cast<std::size_t>(cost.num_residuals()));
+    if (cost.Evaluate(parameters.data(), residuals.data(), nullptr)) ++failures;
   }
   std::printf("%s behind the camera: %d failures\n", name.c_str(), failures);
   return failures;
@@ -128,6 +132,9 @@ int main() {
   } const cases[] = {
       {"photometric", Cost(spba::PhotometricCost::Create({kCamera, kCamera, &target_image, &source_image})),
        OfPair},
+      {"free depth",
+       Cost(spba::FreeDepthCost::Create({kCamera, kCamera, &target_image, &source_image}, 30.5, 20.5)),
+       OfFreeDepth},
       {"silhouette", Cost(spba::SilhouetteCost::Create({kCamera, {30.5, 20.5}, 1.0})), OfPair},
       {"inverse depth", Cost(spba::InverseDepthCost::Create({kCamera, {30.5, 20.5}, 0.4, {0.003, -0.002}})),
        OfPair},

@@ -1,4 +1,4 @@
-//! Classic bundle adjustment of features with Ceres.
+//! Classic bundle adjustment with Ceres: of features, and photometric.
 
 #[cxx::bridge(namespace = "spba")]
 pub mod ffi {
@@ -35,8 +35,47 @@ pub mod ffi {
         max_iterations: u32,
     }
 
+    /// A pixel with depth, and the frames that see the same.
+    #[derive(Clone, Debug)]
+    struct FreePixel {
+        frame: u32,
+        x: f64,
+        y: f64,
+        inverse_depth: f64,
+        seen_in: Vec<u32>,
+        /// After adjusting: root mean square of its residuals, per value of a colour, in the images' range.
+        error: f64,
+        /// After adjusting: standard deviation of `inverse_depth` with noise of 1 in the images' range.
+        deviation: f64,
+    }
+
+    struct PhotometricOptions {
+        fx: f64,
+        fy: f64,
+        cx: f64,
+        cy: f64,
+        width: u32,
+        height: u32,
+        /// Huber width of a residual, per value of a colour.
+        loss_width: f64,
+        /// Leaves the cameras as they are.
+        hold_cameras: bool,
+        max_iterations: u32,
+    }
+
     unsafe extern "C++" {
         include!("bundle.h");
+        include!("free_depth.h");
+
+        /// Minimises what `pixels` look unlike in the frames that see them, over their inverse depths and `cameras` (camera_from_world,
+        /// six numbers each); the first camera stays where it is, and the second as far from it. `images`: of every camera, RGB, row-major,
+        /// one after another.
+        fn adjust_photometric(
+            cameras: &mut [f64],
+            pixels: &mut Vec<FreePixel>,
+            images: &[f32],
+            options: &PhotometricOptions,
+        ) -> Result<()>;
 
         /// Minimises the reprojection errors; the first camera stays where it is, and the second as far from it. Half their sum of squares, under the loss.
         fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<f64>;

@@ -17,8 +17,6 @@ pub struct DepthOptions {
     pub radius_px: usize,
     /// Normalised cross-correlation below which nothing is alike.
     pub least_likeness: f32,
-    /// Share of a depth by which another frame's may differ.
-    pub agreement: f64,
     /// Other frames that must agree.
     pub agreeing: usize,
     /// Standard deviation of a patch, in grey levels, below which it has no texture.
@@ -32,13 +30,14 @@ impl Default for DepthOptions {
             neighbours: 6,
             radius_px: 3,
             least_likeness: 0.75,
-            agreement: 0.01,
             agreeing: 2,
             least_texture: 4.0,
         }
     }
 }
 
+/// Share of a depth by which another frame's may differ.
+const AGREEMENT: f64 = 0.01;
 /// Frames to compare see the object from angles apart by this many degrees.
 const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
 /// The likeness of the best frames counts: what one frame sees another may not.
@@ -55,11 +54,12 @@ struct Swept<'a> {
     inverse_depth: [f64; 2],
 }
 
-/// A depth map for every placed frame, in the motion's units; `None` for the others. `watch` hears of every frame, and stops all by
+/// A depth map for every placed frame, in the motion's units; `None` for the others. `neighbours`: those to compare each with. `watch` hears of every frame, and stops all by
 /// returning false: then there is nothing.
 pub fn sweep(
     images: &[(&RgbImage, &Mask)],
     motion: &Motion,
+    neighbours: &[Vec<usize>],
     options: &DepthOptions,
     watch: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<Option<DepthMap>>> {
@@ -77,10 +77,6 @@ pub fn sweep(
                 camera_from_input,
             })
         })
-        .collect();
-    let centre = middle(&motion.points);
-    let neighbours: Vec<Vec<usize>> = (0..swept.len())
-        .map(|frame| neighbours(&swept, frame, &centre, options.neighbours))
         .collect();
     let first: Vec<Option<DepthMap>> = (0..swept.len())
         .into_par_iter()
@@ -155,16 +151,26 @@ fn range(motion: &Motion, frame: usize, camera_from_input: &Pose) -> Option<[f64
     Some([(low - margin).max(0.3 * low), high + margin])
 }
 
-/// The frames that see the object from other angles, but not too different ones; evenly from both sides.
-fn neighbours(swept: &[Option<Swept>], frame: usize, centre: &Vector3<f64>, count: usize) -> Vec<usize> {
-    let ray = |k: usize| Some((swept[k].as_ref()?.camera_from_input.center() - centre).normalize());
-    let Some(own) = ray(frame) else {
+/// Per frame, at most so many others that see the object from other angles, but not too different ones; evenly from both sides.
+pub fn neighbours(motion: &Motion, count: usize) -> Vec<Vec<usize>> {
+    let centre = middle(&motion.points);
+    let rays: Vec<Option<Vector3<f64>>> = motion
+        .camera_from_input
+        .iter()
+        .map(|pose| Some((pose.as_ref()?.center() - centre).normalize()))
+        .collect();
+    (0..rays.len()).map(|frame| near(&rays, frame, count)).collect()
+}
+
+/// `rays` point from the object to the cameras.
+fn near(rays: &[Option<Vector3<f64>>], frame: usize, count: usize) -> Vec<usize> {
+    let Some(own) = rays[frame] else {
         return Vec::new();
     };
-    let mut fit: Vec<(f64, usize)> = (0..swept.len())
+    let mut fit: Vec<(f64, usize)> = (0..rays.len())
         .filter(|&k| k != frame)
         .filter_map(|k| {
-            let other = ray(k)?;
+            let other = rays[k]?;
             let angle = own.cross(&other).norm().atan2(own.dot(&other)).to_degrees();
             let wanted = 8.0;
             (ANGLES_DEG[0]..ANGLES_DEG[1])
@@ -391,19 +397,21 @@ fn agreed(
         let point = camera.unproject(&pixel, f64::from(z));
         let agreeing = others
             .iter()
-            .filter(|(other_from_target, other)| {
-                let seen = other_from_target.transform(&point);
-                camera
-                    .project(&seen)
-                    .and_then(|pixel| other.pixel_at(pixel.x, pixel.y))
-                    .is_some_and(|at| {
-                        let theirs = f64::from(other[at]);
-                        theirs > 0.0 && (theirs - seen.z).abs() < options.agreement * seen.z
-                    })
-            })
+            .filter(|(other_from_target, other)| agrees(camera, &other_from_target.transform(&point), other))
             .count();
         if agreeing >= needed { z } else { 0.0 }
     })
+}
+
+/// Another frame sees, where it sees a point (in its camera's frame), something as far away.
+pub(super) fn agrees(camera: &Pinhole, point: &Vector3<f64>, depth: &DepthMap) -> bool {
+    camera
+        .project(point)
+        .and_then(|pixel| depth.pixel_at(pixel.x, pixel.y))
+        .is_some_and(|at| {
+            let theirs = f64::from(depth[at]);
+            theirs > 0.0 && (theirs - point.z).abs() < AGREEMENT * point.z
+        })
 }
 
 #[cfg(test)]

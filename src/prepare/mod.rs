@@ -7,6 +7,7 @@ mod focal;
 mod masks;
 pub mod motion;
 mod photos;
+mod refine;
 mod stamp;
 
 pub use cache::Cache;
@@ -16,6 +17,7 @@ pub use focal::{Focal, FocalSource};
 pub use masks::{MaskOptions, MaskSource, ObjectBox, SegmenterError};
 pub use motion::MotionOptions;
 pub use photos::{Input, Photo, PhotoOptions};
+pub use refine::RefineOptions;
 pub use stamp::Stamp;
 
 use crate::image::{DepthMap, Mask};
@@ -33,6 +35,7 @@ pub struct PrepareOptions {
     pub masks: MaskOptions,
     pub motion: MotionOptions,
     pub depth: DepthOptions,
+    pub refine: RefineOptions,
 }
 
 /// What became of an input.
@@ -142,24 +145,42 @@ pub fn prepare(
     }
     stage("motion", words);
 
-    let depths = cache.get_or("depth", key.and(&options.depth), || {
-        let images: Vec<_> = photos
-            .iter()
-            .zip(&masks)
-            .map(|(photo, mask)| (&photo.image, mask))
-            .collect();
-        depth::sweep(&images, &motion, &options.depth, &|| watch("depth", placed))
-            .ok_or(PrepareError::Interrupted)
+    let neighbours = depth::neighbours(&motion, options.depth.neighbours);
+    let images: Vec<_> = photos
+        .iter()
+        .zip(&masks)
+        .map(|(photo, mask)| (&photo.image, mask))
+        .collect();
+    let key = key.and(&options.depth);
+    let depths = cache.get_or("depth", key, || {
+        depth::sweep(&images, &motion, &neighbours, &options.depth, &|| {
+            watch("depth", placed)
+        })
+        .ok_or(PrepareError::Interrupted)
     })?;
     stage(
         "depth",
         format!("{:.1} % of the masks", 100.0 * known_share(&depths, &masks)),
     );
 
+    let refined = cache.get_or("refined", key.and(&options.refine), || {
+        refine::refine(&images, &motion, &depths, &neighbours, &options.refine, &|| {
+            watch("refinement", placed + 1)
+        })?
+        .ok_or(PrepareError::Interrupted)
+    })?;
+    stage(
+        "refinement",
+        format!(
+            "poses and depth by what pixels look like: {:.1} % of the masks left",
+            100.0 * known_share(&refined.depths, &masks)
+        ),
+    );
+
     let frames = photos
         .into_iter()
         .zip(masks)
-        .zip(motion.camera_from_input.iter().zip(depths))
+        .zip(refined.camera_from_input.iter().zip(refined.depths))
         .filter_map(|((photo, mask), (pose, depth))| {
             Some(Frame {
                 name: photo.name,

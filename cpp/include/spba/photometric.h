@@ -47,6 +47,50 @@ struct PhotometricCost {
   }
 };
 
+// The same without a prior, as classic photometric bundle adjustment has it: parameter blocks
+// camera_from_world[6] of target and source, and the inverse depth[1] at which the target sees a pixel, which
+// is the same for the pixels around it. residual[3 kPatch], a pixel's three after another. Wrap it in a
+// robust loss.
+struct FreeDepthCost {
+  // The pixel, and those a step to the sides, above and below.
+  static constexpr int kPatch = 5;
+
+  PhotometricError error;
+  // The pixel in the middle.
+  double x, y;
+
+  template <typename T>
+  bool operator()(const T* target_from_world, const T* source_from_world, const T* inverse_depth,
+                  T* residual) const {
+    if (!(inverse_depth[0] > T(0.0))) return false;
+    const Pinhole& camera = error.target_camera;
+    const T world_from_target[3] = {-target_from_world[0], -target_from_world[1], -target_from_world[2]};
+    constexpr double kSteps[kPatch][2] = {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+    for (int k = 0; k < kPatch; ++k) {
+      const T depth = 1.0 / inverse_depth[0];
+      const T in_target[3] = {depth * ((x + kSteps[k][0] - camera.cx) / camera.fx),
+                              depth * ((y + kSteps[k][1] - camera.cy) / camera.fy), depth};
+      T turned[3], in_world[3], in_source[3];
+      for (int i = 0; i < 3; ++i) turned[i] = in_target[i] - target_from_world[3 + i];
+      ceres::AngleAxisRotatePoint(world_from_target, turned, in_world);
+      PointInTarget(source_from_world, in_world, in_source);
+      if (!error(in_target, in_source, residual + 3 * k)) return false;
+    }
+    // Light changes on what turns under fixed lamps; what it adds to a whole patch does not count.
+    for (int channel = 0; channel < 3; ++channel) {
+      T mean(0.0);
+      for (int k = 0; k < kPatch; ++k) mean += residual[3 * k + channel] / double{kPatch};
+      for (int k = 0; k < kPatch; ++k) residual[3 * k + channel] -= mean;
+    }
+    return true;
+  }
+
+  static ceres::CostFunction* Create(const PhotometricError& error, double x, double y) {
+    return new ceres::AutoDiffCostFunction<FreeDepthCost, 3 * kPatch, 6, 6, 1>(
+        new FreeDepthCost{error, x, y});
+  }
+};
+
 }  // namespace spba
 
 #endif  // SPBA_PHOTOMETRIC_H_
