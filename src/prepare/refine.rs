@@ -21,7 +21,8 @@ pub struct RefineOptions {
     pub loss_width: f64,
     /// Depths whose standard deviation is a larger share of them are dropped.
     pub deviation: f64,
-    pub max_iterations: u32,
+    /// Of the cameras, then of each frame's depth.
+    pub max_iterations: [u32; 2],
 }
 
 impl Default for RefineOptions {
@@ -31,7 +32,7 @@ impl Default for RefineOptions {
             sources: 4,
             loss_width: 10.0,
             deviation: 0.01,
-            max_iterations: 20,
+            max_iterations: [20, 6],
         }
     }
 }
@@ -170,7 +171,7 @@ fn options(
         height: image.height() as u32,
         loss_width: options.loss_width,
         hold_cameras,
-        max_iterations: options.max_iterations,
+        max_iterations: options.max_iterations[usize::from(hold_cameras)],
     }
 }
 

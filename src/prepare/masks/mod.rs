@@ -146,8 +146,8 @@ fn filled(mask: Mask) -> Option<Mask> {
 /// Around a box or a mask there must be so much more, as a share of its size, for a network to tell what it is.
 const MARGIN: f64 = 0.35;
 
-/// Frames either side whose boxes say where the object is in a frame.
-const NEIGHBOURS: usize = 2;
+/// So many frames, itself and the nearest in which something was found, say where the object is in a frame.
+const NEARBY: usize = 5;
 
 /// A network sees most where the object fills its picture. With a box: from the middle frame, where it is, both ways, each frame cut
 /// out around the mask before. Without one: whole frames first, then each cut out around what was found in it and its neighbours.
@@ -188,13 +188,14 @@ fn segmented(
             .map(|frame| Ok(mask(frame, None)?.bounds()))
             .collect::<Result<_, PrepareError>>()?;
         let near = |frame: usize| {
-            let end = (frame + NEIGHBOURS + 1).min(whole.len());
-            let boxes: Vec<[usize; 4]> = whole[frame.saturating_sub(NEIGHBOURS)..end]
+            let mut boxes: Vec<(usize, [usize; 4])> = whole
                 .iter()
-                .flatten()
-                .copied()
+                .enumerate()
+                .filter_map(|(other, sides)| Some((other.abs_diff(frame), (*sides)?)))
                 .collect();
-            median_box(&boxes)
+            boxes.sort();
+            boxes.truncate(NEARBY);
+            median_box(&boxes.into_iter().map(|(_, sides)| sides).collect::<Vec<_>>())
         };
         return (0..photos.len())
             .map(|frame| match near(frame) {
