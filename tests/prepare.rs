@@ -95,6 +95,54 @@ fn pictures_and_masks_become_poses_and_depth() {
     assert_eq!(bytes(&out), bytes(&again));
 }
 
+#[test]
+fn missing_and_blurred_frames_are_done_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = load(&bundled());
+    let pictures = folder.path().join("pictures");
+    std::fs::create_dir(&pictures).unwrap();
+    for k in [0, 1, 3, 4, 6, 7, 9] {
+        let name = format!("{k:03}.png");
+        let picture = image::open(bundled().join("images").join(&name)).unwrap();
+        let picture = if k == 4 { picture.blur(6.0) } else { picture };
+        picture.save(pictures.join(name)).unwrap();
+    }
+    let out = folder.path().join("out");
+    let masks = bundled().join("masks");
+    let output = prepare(&[
+        text(&pictures),
+        "--masks",
+        text(&masks),
+        "--focal",
+        "400",
+        "--review",
+        "--out",
+        text(&out),
+    ]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        said.contains("6 of 7 frames placed")
+            && said.contains("dropped, too little in common with the others: 004"),
+        "{said}"
+    );
+    let error = turn_error_deg(&load(&out), &truth);
+    assert!(error < 1.0, "{error}");
+    assert!(image::open(out.join("review.png")).is_ok());
+
+    let agreement = Command::cargo_bin("spba-ceres")
+        .unwrap()
+        .args(["eval", text(&out), "--masks", text(&masks)])
+        .output()
+        .unwrap();
+    let table = String::from_utf8(agreement.stdout).unwrap();
+    assert!(
+        table
+            .lines()
+            .any(|line| line.starts_with("min") && line.contains("1.000")),
+        "{table}"
+    );
+}
+
 /// Motion JPEG in an AVI file: one chunk a frame behind the least of headers.
 fn video(file: &Path, frames: &[PathBuf]) {
     let chunk = |name: &[u8; 4], data: &[u8]| {
@@ -218,6 +266,7 @@ fn what_cannot_be_prepared_is_refused() {
         (["--box", "5000,5000,10,10"], "--box: no pixel is inside it"),
         (["--max-frames", "1"], "--max-frames: 1 is too few"),
         (["--max-size", "0"], "--max-size: 0 is too few"),
+        (["--segmenter", "none.onnx"], "none.onnx: cannot be read"),
     ] {
         refused(
             &[text(&pictures), flags[0], flags[1], "--out", text(&out)],

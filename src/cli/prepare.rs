@@ -131,7 +131,14 @@ pub fn prepare(input: &Path, raw: &RawArgs, category: Option<&str>, out: &Path) 
     })?;
     bar.finish_and_clear();
     for stage in &stages {
-        println!("{:16} {} ({:.1} s)", stage.name, stage.words, stage.seconds);
+        let memory = stage.peak_memory_mb.map(|mb| format!(", {mb:.0} MB"));
+        println!(
+            "{:16} {} ({:.1} s{})",
+            stage.name,
+            stage.words,
+            stage.seconds,
+            memory.unwrap_or_default()
+        );
     }
     sequence::write(&sequence, out)?;
     stamp.save(out)?;

@@ -21,6 +21,7 @@ pub use refine::RefineOptions;
 pub use stamp::Stamp;
 
 use crate::image::{DepthMap, Mask};
+use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence};
 use cache::Key;
 use motion::{Motion, MotionError, View};
@@ -53,6 +54,8 @@ pub struct Stage {
     /// Counts and what to know, for people.
     pub words: String,
     pub seconds: f64,
+    /// Of the process, in MB (10⁶ bytes), where the system tells it.
+    pub peak_memory_mb: Option<f64>,
 }
 
 /// Sees a stage under way: its name, how many steps it has, and each one done. False stops.
@@ -82,10 +85,16 @@ pub fn prepare(
     }
     let mut stages = Vec::new();
     let mut began = Instant::now();
+    forget_peak_memory();
     let mut stage = |name, words: String| {
-        let seconds = began.elapsed().as_secs_f64();
+        stages.push(Stage {
+            name,
+            words,
+            seconds: began.elapsed().as_secs_f64(),
+            peak_memory_mb: peak_memory_mb(),
+        });
         began = Instant::now();
-        stages.push(Stage { name, words, seconds });
+        forget_peak_memory();
     };
     let found = Input::find(input)?;
     let key = stamp::contents(&found.files())?.and(&options.photos);

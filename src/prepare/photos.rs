@@ -361,6 +361,52 @@ mod tests {
         assert_eq!(names, ["a3_1.png", "f2.png", "f2b.png", "f10.png"]);
     }
 
+    /// A JPEG whose EXIF data say: taken with 26 mm at that second, to be turned by a quarter to the right.
+    fn photo(file: &Path, second: u8) {
+        let mut jpeg = Vec::new();
+        let lying = image::RgbImage::from_fn(64, 48, |x, _| image::Rgb([if x < 32 { 250 } else { 5 }; 3]));
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95)
+            .encode_image(&lying)
+            .unwrap();
+        let taken = format!("2026:11:23 12:00:{second:02}").into_bytes();
+        let fields = [
+            (Tag::Orientation, exif::Value::Short(vec![6])),
+            (Tag::FocalLengthIn35mmFilm, exif::Value::Short(vec![26])),
+            (Tag::DateTimeOriginal, exif::Value::Ascii(vec![taken])),
+        ]
+        .map(|(tag, value)| exif::Field {
+            tag,
+            ifd_num: In::PRIMARY,
+            value,
+        });
+        let mut writer = exif::experimental::Writer::new();
+        fields.iter().for_each(|field| writer.push_field(field));
+        let mut data = std::io::Cursor::new(Vec::new());
+        writer.write(&mut data, false).unwrap();
+        let segment = [b"Exif\0\0".to_vec(), data.into_inner()].concat();
+        let length = (segment.len() as u16 + 2).to_be_bytes();
+        let bytes = [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat();
+        std::fs::write(file, bytes).unwrap();
+    }
+
+    #[test]
+    fn portrait_photos_are_upright_in_the_order_of_their_taking_and_know_their_lens() {
+        let folder = tempfile::tempdir().unwrap();
+        photo(&folder.path().join("a.jpg"), 9);
+        photo(&folder.path().join("b.jpg"), 4);
+        let input = Input::find(folder.path()).unwrap();
+        let photos = input.read(&PhotoOptions::default()).unwrap();
+        let told: Vec<_> = photos.iter().map(|p| (p.name.as_str(), p.seconds)).collect();
+        assert_eq!(told, [("b", Some(0.0)), ("a", Some(5.0))]);
+        let photo = &photos[0];
+        assert_eq!(photo.image.size(), (48, 64));
+        // What lay left is up.
+        assert!(photo.image[(24, 10)][0] > 200.0 && photo.image[(24, 54)][0] < 50.0);
+        // The diagonal is 80 pixels.
+        let expected = 26.0 / FILM_DIAGONAL_MM * 80.0;
+        assert!((photo.focal_px.unwrap() - expected).abs() < 1e-9);
+    }
+
     #[test]
     fn of_each_group_the_sharpest_is_kept() {
         assert_eq!(sharpest(&[1.0, 3.0, 2.0, 5.0, 4.0, 0.0], 2), [1, 3]);

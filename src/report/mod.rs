@@ -26,7 +26,7 @@ mod write;
 pub(crate) mod fixture;
 
 pub use folder::{check_out, file_stems};
-pub use memory::peak_memory_mb;
+pub use memory::{forget_peak_memory, peak_memory_mb};
 pub(crate) use nearest::Neighbours;
 pub use overlap::{density, silhouette_iou};
 pub use ply::read_shape;

@@ -288,6 +288,126 @@ mod tests {
         assert!(saliency(&[tensor(&[1, 1, 2, 2], |_| f32::NAN)]).is_err());
     }
 
+    /// A field of a protocol buffer.
+    fn field(number: u8, bytes: &[u8]) -> Vec<u8> {
+        assert!(bytes.len() < 128);
+        [&[number << 3 | 2, bytes.len() as u8], bytes].concat()
+    }
+
+    fn whole(number: u8, value: u8) -> Vec<u8> {
+        vec![number << 3, value]
+    }
+
+    /// `name`, 32-bit floats of 1 × channels × side × side.
+    fn value_info(name: &str, channels: u8, side: u8) -> Vec<u8> {
+        let dims = [1, channels, side, side]
+            .map(|dim| field(1, &whole(1, dim)))
+            .concat();
+        let tensor_type = [whole(1, 1), field(2, &dims)].concat();
+        [field(1, name.as_bytes()), field(2, &field(1, &tensor_type))].concat()
+    }
+
+    fn weights(name: &str, shape: &[u8], values: &[f32]) -> Vec<u8> {
+        let dims: Vec<u8> = shape.iter().flat_map(|&dim| whole(1, dim)).collect();
+        let values: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        [dims, whole(2, 1), field(8, name.as_bytes()), field(9, &values)].concat()
+    }
+
+    /// An ONNX network of one layer: likely where red is more than blue, as (4 red − 4 blue) / deviation tells.
+    fn redness(folder: &Path) -> PathBuf {
+        let node = |kind: &str, inputs: &[&str], output: &str, attribute: &[u8]| {
+            let inputs: Vec<u8> = inputs
+                .iter()
+                .flat_map(|input| field(1, input.as_bytes()))
+                .collect();
+            let names = [field(2, output.as_bytes()), field(4, kind.as_bytes())].concat();
+            field(1, &[&inputs, &names, attribute].concat())
+        };
+        // The last field is number 20, of whole numbers: type 7.
+        let one_by_one = [
+            &field(1, b"kernel_shape")[..],
+            &whole(8, 1),
+            &whole(8, 1),
+            &[160, 1, 7],
+        ]
+        .concat();
+        let graph = [
+            node("Conv", &["x", "w"], "y", &field(5, &one_by_one)),
+            node("Sigmoid", &["y"], "z", &[]),
+            field(2, b"redness"),
+            field(5, &weights("w", &[1, 3, 1, 1], &[4.0, 0.0, -4.0])),
+            field(11, &value_info("x", 3, 32)),
+            field(12, &value_info("z", 1, 32)),
+        ]
+        .concat();
+        // Its length takes two bytes.
+        let length = [graph.len() as u8 | 128, (graph.len() >> 7) as u8];
+        let opset = field(8, &whole(2, 11));
+        let model = [&whole(1, 6)[..], &[7 << 3 | 2], &length, &graph, &opset].concat();
+        let file = folder.join("redness.onnx");
+        std::fs::write(&file, model).unwrap();
+        file
+    }
+
+    const DESCRIPTION: &str =
+        "kind = \"saliency\"\nside = 32\nmean = [128, 128, 128]\ndeviation = [64, 64, 64]\n";
+
+    #[test]
+    fn a_network_runs_and_what_it_finds_becomes_a_mask() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = redness(folder.path());
+        std::fs::write(folder.path().join("redness.toml"), DESCRIPTION).unwrap();
+        let mut segmenter = Segmenter::read(&file, Some("car")).unwrap();
+        let inside = |column: usize, row: usize| (16..48).contains(&column) && (8..24).contains(&row);
+        let picture =
+            super::super::picture(&Grid::from_fn(64, 32, |column, row| match inside(column, row) {
+                true => [200.0, 60.0, 40.0],
+                false => [60.0, 90.0, 180.0],
+            }));
+        let mask = segmenter.mask(&picture).unwrap();
+        let wrong = (0..64 * 32)
+            .filter(|i| mask.data()[*i] != inside(i % 64, i / 64))
+            .count();
+        assert!(
+            wrong <= 4,
+            "{wrong} pixels, all at the corners that cleaning rounds"
+        );
+    }
+
+    #[test]
+    fn networks_that_cannot_be_used_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |file: &Path, category: Option<&str>, message: &str| {
+            let said = Segmenter::read(file, category).err().unwrap().to_string();
+            assert!(said.contains(message), "{said}");
+        };
+        let file = folder.path().join("redness.onnx");
+        let beside = folder.path().join("redness.toml");
+        refused(&file, None, "redness.onnx: cannot be read");
+        redness(folder.path());
+        refused(&file, None, "redness.toml: cannot be read");
+        let instances = DESCRIPTION.replace("saliency", "instances");
+        for (text, message) in [
+            ("side = 32", "missing field"),
+            (&DESCRIPTION.replace("32", "3"), "side = 3 is not in 32..4096"),
+            (
+                &DESCRIPTION.replace("[64, 64, 64]", "[64, 0, 64]"),
+                "deviation finite and above 0",
+            ),
+            (&instances, "instances need classes"),
+            (
+                &(instances.clone() + "classes = [\"person\", \"dog\"]"),
+                "knows no car, but person, dog",
+            ),
+        ] {
+            std::fs::write(&beside, text).unwrap();
+            refused(&file, Some("car"), message);
+        }
+        std::fs::write(&beside, DESCRIPTION).unwrap();
+        std::fs::write(&file, "no network").unwrap();
+        refused(&file, None, "no network that OpenCV can run");
+    }
+
     /// Two detections, three classes, two bases of 4 × 4: object left of the middle, and everywhere.
     fn detections() -> [Tensor; 2] {
         let columns = [
