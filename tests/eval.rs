@@ -75,6 +75,7 @@ fn rendered() -> (Surface, Sequence, Estimate) {
     let sequence = Sequence {
         name: "ellipsoid".into(),
         frames: frames.collect(),
+        motion_deviation: None,
         truth: Some(Truth {
             camera_from_object: poses.clone(),
             depth: views.iter().map(|view| view.depth.clone()).collect(),

@@ -108,6 +108,33 @@ void Objective::AddInverseDepth(int frame, const std::vector<uint32_t>& points,
   AddToProblem(frame, group, &state_->variables.log_alpha);
 }
 
+void Objective::AddMotion(int frame, const MotionError& error) {
+  if (motion_loss_ == nullptr) {
+    motion_loss_ = Scaled(weights_.motion / state_->inputs.size(),
+                          std::make_unique<ceres::CauchyLoss>(weights_.motion_cauchy));
+  }
+  Variables& variables = state_->variables;
+  motion_.push_back({frame, std::unique_ptr<ceres::CostFunction>(MotionError::Create(error))});
+  problem_.AddResidualBlock(motion_.back().cost.get(), motion_loss_.get(),
+                            variables.target_from_object.data(), variables.motion[frame - 1].data(),
+                            &variables.log_alpha);
+}
+
+double Objective::MotionCost() const {
+  const Variables& variables = state_->variables;
+  double sum = 0.0;
+  for (const MotionBlock& block : motion_) {
+    const double* parameters[] = {variables.target_from_object.data(),
+                                  variables.motion[block.frame - 1].data(), &variables.log_alpha};
+    double residuals[3 * MotionError::kPoints], squared = 0.0, rho[3];
+    block.cost->Evaluate(parameters, residuals, nullptr);
+    for (const double residual : residuals) squared += residual * residual;
+    motion_loss_->Evaluate(squared, rho);
+    sum += 0.5 * rho[0];
+  }
+  return sum;
+}
+
 double Objective::StyleCost() const {
   double squared_norm = 0.0;
   for (const double s : state_->variables.style) squared_norm += s * s;

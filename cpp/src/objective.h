@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "blocks.h"
+#include "spba/motion.h"
 
 namespace spba {
 
@@ -21,6 +22,8 @@ struct Weights {
   double inverse_depth;        // lambda_2
   double inverse_depth_huber;  // delta_2
   double style;                // of -log p(s) = |s|^2 / 2
+  double motion;               // of what dp_l differs from Eq. 13's
+  double motion_cauchy;        // object diagonals
 };
 
 // Residual blocks of one kind that share a loss. Filled first, added to a problem once complete.
@@ -53,6 +56,7 @@ class Objective {
   void AddSilhouette(int frame, double pixel_weight, double point_weight);
   void AddInverseDepth(int frame, const std::vector<uint32_t>& points,
                        const std::vector<InverseDepthError>& errors);
+  void AddMotion(int frame, const MotionError& error);
 
   ceres::Problem& problem() { return problem_; }
 
@@ -61,6 +65,7 @@ class Objective {
   double SilhouetteCost() const { return Sum(point_to_silhouette_) + Sum(silhouette_to_point_); }
   double InverseDepthCost() const { return Sum(inverse_depth_); }
   double StyleCost() const;
+  double MotionCost() const;
 
  private:
   template <typename Block>
@@ -80,6 +85,12 @@ class Objective {
   std::deque<BlockGroup<PointToSilhouetteBlock>> point_to_silhouette_;
   std::deque<BlockGroup<SilhouetteToPointBlock>> silhouette_to_point_;
   std::deque<BlockGroup<InverseDepthBlock>> inverse_depth_;
+  struct MotionBlock {
+    int frame;
+    std::unique_ptr<ceres::CostFunction> cost;
+  };
+  std::vector<MotionBlock> motion_;
+  std::unique_ptr<ceres::LossFunction> motion_loss_;
   std::unique_ptr<ceres::CostFunction> style_block_;
   std::unique_ptr<ceres::LossFunction> style_loss_;
   ceres::Problem problem_;

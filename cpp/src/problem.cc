@@ -35,11 +35,12 @@ Prior FromCallback(rust::Box<PriorCallback> callback) {
 Problem::Problem(const ProblemOptions& options, Prior prior)
     : weights_{options.photometric_weight, options.photometric_huber,    options.silhouette_weight,
                options.silhouette_cauchy,  options.inverse_depth_weight, options.inverse_depth_huber,
-               options.style_weight},
+               options.style_weight,       options.motion_weight,        options.motion_cauchy},
       state_(std::move(prior), static_cast<int>(options.points), static_cast<int>(options.style)),
       photometric_(options.frames),
       inverse_depth_(options.frames),
-      silhouette_weights_(options.frames) {
+      silhouette_weights_(options.frames),
+      motion_(options.frames) {
   state_.inputs.resize(options.frames);
   state_.silhouette_tolerance = options.silhouette_tolerance;
   state_.weak_perspective = options.weak_perspective;
@@ -127,6 +128,16 @@ void Problem::set_inverse_depth(size_t frame, rust::Slice<const SeenDepth> seen)
   Changed();
 }
 
+void Problem::set_motion(size_t frame, const InputMotion& motion) {
+  CheckFrame(frame);
+  Require(frame > 0, "the target frame does not move against itself");
+  MotionError error;
+  std::copy(motion.rotation.begin(), motion.rotation.end(), error.rotation);
+  std::copy(motion.translation.begin(), motion.translation.end(), error.translation);
+  motion_[frame] = error;
+  Changed();
+}
+
 void Problem::set_alpha(double alpha) {
   Require(std::isfinite(alpha) && alpha > 0, "alpha must be positive");
   state_.variables.log_alpha = std::log(alpha);
@@ -169,6 +180,7 @@ void Problem::Prepare(bool with_jacobian) {
         objective_->AddSilhouette(frame, silhouette_weights_[l].pixel, silhouette_weights_[l].point);
       }
       objective_->AddInverseDepth(frame, inverse_depth_[l].points, inverse_depth_[l].errors);
+      if (motion_[l]) objective_->AddMotion(frame, *motion_[l]);
       if (photometric_[l].points.empty()) continue;
       Require(photometric_[0].image && photometric_[l].image,
               "photometric points in a frame without an image");

@@ -3,6 +3,7 @@
 #define SPBA_PROBLEM_H_
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "objective.h"
@@ -14,6 +15,7 @@ struct ProblemOptions;
 struct Camera;
 struct Silhouette;
 struct SeenDepth;
+struct InputMotion;
 struct SolveOptions;
 struct Summary;
 struct Terms;
@@ -34,6 +36,7 @@ class Problem {
   void set_photometric(size_t frame, rust::Slice<const uint32_t> points,
                        rust::Slice<const uint8_t> directions);
   void set_inverse_depth(size_t frame, rust::Slice<const SeenDepth> seen);
+  void set_motion(size_t frame, const InputMotion& motion);
   void set_alpha(double alpha);
   double alpha() const;
   void set_variables(rust::Slice<const double> target_from_object, rust::Slice<const double> motion,
@@ -74,6 +77,7 @@ class Problem {
   std::vector<Photometric> photometric_;
   std::vector<InverseDepth> inverse_depth_;
   std::vector<SilhouetteWeights> silhouette_weights_;
+  std::vector<std::optional<MotionError>> motion_;
   std::unique_ptr<Objective> objective_;  // null when the inputs changed
 };
 

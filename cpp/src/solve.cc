@@ -13,7 +13,7 @@ namespace spba {
 namespace {
 
 double Total(const Terms& terms) {
-  return terms.photometric + terms.silhouette + terms.inverse_depth + terms.style;
+  return terms.photometric + terms.silhouette + terms.inverse_depth + terms.style + terms.motion;
 }
 
 // Reports each iteration at Ceres's accepted state and remembers the best one.
@@ -124,7 +124,7 @@ void SetFree(ceres::Problem* problem, double* block, bool free) {
 
 Terms Problem::CurrentTerms() const {
   return {objective_->PhotometricCost(), objective_->SilhouetteCost(), objective_->InverseDepthCost(),
-          objective_->StyleCost()};
+          objective_->StyleCost(), objective_->MotionCost()};
 }
 
 Terms Problem::evaluate() {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "spba/inverse_depth.h"
+#include "spba/motion.h"
 #include "spba/photometric.h"
 #include "spba/reprojection.h"
 #include "spba/silhouette.h"
@@ -74,6 +75,7 @@ using Parameters = std::vector<const double*> (*)(const Point&);
 std::vector<const double*> OfPair(const Point& point) { return {point.p0, point.motion, point.x, &kAlpha}; }
 std::vector<const double*> OfOneView(const Point& point) { return {point.p0, point.x, &kAlpha}; }
 std::vector<const double*> OfFreeDepth(const Point& point) { return {point.p0, point.other, &kAlpha}; }
+std::vector<const double*> OfMotion(const Point& point) { return {point.p0, point.motion, &kAlpha}; }
 std::vector<const double*> OfZoom(const Point&) { return {&kAlpha}; }
 
 int Check(const std::string& name, const ceres::CostFunction& cost, const std::vector<Point>& points,
@@ -141,6 +143,8 @@ int main() {
       {"reprojection", Cost(spba::Reprojection::Create(kCamera, 30.5, 20.5)), OfOneView},
   };
   int failures = Check("zoom prior", *Cost(spba::ZoomPrior::Create(0.05)), Points(), OfZoom);
+  const spba::MotionError motion{{0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}, {0.3, -0.2, 0.1}};
+  failures += Check("motion", *Cost(spba::MotionError::Create(motion)), Points(), OfMotion);
   for (const auto& [name, cost, parameters_of] : cases) {
     failures += Check(name, *cost, Points(), parameters_of);
     failures += CheckBehind(name, *cost, parameters_of);

@@ -30,6 +30,10 @@ pub mod ffi {
         inverse_depth_huber: f64,
         /// Weight of −log p(s) = ½‖s‖²; 0 leaves the term out.
         style_weight: f64,
+        /// Of what Δp_l differs from Eq. 13's.
+        motion_weight: f64,
+        /// In object diagonals.
+        motion_cauchy: f64,
         /// Every point projects as if it had the depth of the object's origin.
         weak_perspective: bool,
     }
@@ -74,6 +78,12 @@ pub mod ffi {
         by_row: f64,
     }
 
+    /// source_from_target of the off-the-shelf reconstruction, in its units; the rotation row-major.
+    struct InputMotion {
+        rotation: [f64; 9],
+        translation: [f64; 3],
+    }
+
     /// Which variables move, by which of Ceres's minimisers, until when.
     struct SolveOptions {
         free_target: bool,
@@ -116,6 +126,7 @@ pub mod ffi {
         silhouette: f64,
         inverse_depth: f64,
         style: f64,
+        motion: f64,
     }
 
     /// One of Ceres's iterations, at the best state so far.
@@ -178,6 +189,8 @@ pub mod ffi {
         ) -> Result<()>;
         /// The points of Eq. 6 in `frame`, after its camera.
         fn set_inverse_depth(self: Pin<&mut Problem>, frame: usize, seen: &[SeenDepth]) -> Result<()>;
+        /// What the term of the motion holds source frame `frame` ≥ 1 to.
+        fn set_motion(self: Pin<&mut Problem>, frame: usize, motion: &InputMotion) -> Result<()>;
         fn set_alpha(self: Pin<&mut Problem>, alpha: f64) -> Result<()>;
         fn alpha(self: &Problem) -> f64;
         /// p0 (6), Δp_l (6 each), s (S).

@@ -129,6 +129,10 @@ struct ObjectiveArgs {
     /// Weight of -log p(style), which keeps the shape plausible [default: 3; the paper has no such term]
     #[arg(long, value_name = "WEIGHT")]
     style_weight: Option<f64>,
+    /// Standard deviation of the given poses, in diagonals of the object: the motion is held to them as closely as that; 0 = they are
+    /// but a start, as in the paper [default: what the sequence says of itself, 0.005 where `prepare` made it, else 0]
+    #[arg(long, value_name = "LENGTH")]
+    motion_deviation: Option<f64>,
     /// Points of the prior to solve with; 0 = all [default: 8192]
     #[arg(long, value_name = "N")]
     points: Option<usize>,
@@ -356,6 +360,7 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
         &args.objective.inverse_depth_huber,
     );
     set(&mut objective.style_weight, &args.objective.style_weight);
+    objective.motion_deviation = args.objective.motion_deviation.or(objective.motion_deviation);
     set(&mut objective.points, &args.objective.points);
     let solver = &mut config.solver;
     set(&mut solver.levels, &args.levels);

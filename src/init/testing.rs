@@ -123,6 +123,7 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
     Sequence {
         name: "box-car".into(),
         frames: frames.collect(),
+        motion_deviation: None,
         truth: None,
     }
 }

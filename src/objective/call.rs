@@ -136,11 +136,12 @@ impl From<ffi::Summary> for CallOutcome {
 impl From<ffi::Terms> for ObjectiveValue {
     fn from(terms: ffi::Terms) -> Self {
         Self {
-            total: terms.photometric + terms.silhouette + terms.inverse_depth + terms.style,
+            total: terms.photometric + terms.silhouette + terms.inverse_depth + terms.style + terms.motion,
             photometric: terms.photometric,
             silhouette: terms.silhouette,
             inverse_depth: terms.inverse_depth,
             style: terms.style,
+            motion: terms.motion,
         }
     }
 }

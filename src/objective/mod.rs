@@ -9,7 +9,7 @@ mod tests;
 
 pub use call::{Block, Call, CallOutcome, Iteration};
 pub use options::ObjectiveOptions;
-use options::limit;
+use options::{MOTION_CAUCHY, MOTION_WEIGHT, limit};
 
 use crate::bridge::ceres::{Observer, PriorCallback, ffi};
 use crate::geometry::{Pinhole, Pose, RelativePose, Vector3};
@@ -81,6 +81,10 @@ impl<'a> Objective<'a> {
             });
         }
         let points = limit(options.points, prior.point_count());
+        let held = options
+            .motion_deviation
+            .or(sequence.motion_deviation)
+            .filter(|&deviation| deviation > 0.0);
         let unit_px = silhouette::unit_px(&sequence.frames, options.silhouette_size);
         let problem = ffi::new_problem(
             &ffi::ProblemOptions {
@@ -95,6 +99,8 @@ impl<'a> Objective<'a> {
                 inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,
+                motion_weight: held.map_or(0.0, |deviation| MOTION_WEIGHT / deviation.powi(2)),
+                motion_cauchy: MOTION_CAUCHY * held.unwrap_or(1.0),
                 weak_perspective: options.weak_perspective,
             },
             Box::new(PriorCallback::new(prior.clone())),
@@ -123,10 +129,33 @@ impl<'a> Objective<'a> {
                 silhouette::add(objective.problem.pin_mut(), l, frame, &objective.options)?;
             }
         }
+        if held.is_some() {
+            objective.hold_motion()?;
+        }
         objective.set_level(0)?;
         objective.set_estimate(estimate)?;
         objective.update_visibility()?;
         Ok(objective)
+    }
+
+    /// Source frames with off-the-shelf poses, to those relative to the target's.
+    fn hold_motion(&mut self) -> Result<(), ObjectiveError> {
+        let mut frames = self.sequence.frames.iter().enumerate();
+        let Some(target_from_input) = frames.next().and_then(|(_, frame)| frame.camera_from_input) else {
+            return Ok(());
+        };
+        for (l, source_from_input) in frames.filter_map(|(l, frame)| Some((l, frame.camera_from_input?))) {
+            let source_from_target = source_from_input.after(&target_from_input.inverse());
+            let mut motion = ffi::InputMotion {
+                rotation: [0.0; 9],
+                translation: (self.input_unit * source_from_target.translation).into(),
+            };
+            motion
+                .rotation
+                .copy_from_slice(source_from_target.rotation.matrix().transpose().as_slice());
+            self.problem.pin_mut().set_motion(l, &motion)?;
+        }
+        Ok(())
     }
 
     /// Samples the images at pyramid level `level` (0 = finest) from now on.

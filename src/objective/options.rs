@@ -37,6 +37,10 @@ pub struct ObjectiveOptions {
     /// Weight of −log p(s) = ½‖s‖²; 0 leaves it out, as the paper does. Without it a shape seen from few sides
     /// runs off to styles that no car has.
     pub style_weight: f64,
+    /// Standard deviation, in diagonals, of where the off-the-shelf poses and α (Eq. 13) take the object's points between two
+    /// frames: Δp_l is held to them as closely as that. None means what the sequence says of itself; 0 holds nothing, as in the
+    /// paper, for which those poses are but a start.
+    pub motion_deviation: Option<f64>,
     /// Points project as if all had the depth of the object's origin, as in Zhu et al. There is no depth of single
     /// points then, so the inverse-depth term must have no weight. Visibility stays that of the perspective camera.
     pub weak_perspective: bool,
@@ -59,6 +63,11 @@ fn one() -> f64 {
 const CAUTIOUS_CAUCHY: f64 = 4.0;
 const CAUTIOUS_STYLE: f64 = 10.0;
 
+/// Weight of a mean over frames: squared distances in deviations between Δp_l and the off-the-shelf motion.
+pub(super) const MOTION_WEIGHT: f64 = 250.0;
+/// Cauchy scale in deviations: single off-the-shelf poses are wrong.
+pub(super) const MOTION_CAUCHY: f64 = 6.0;
+
 /// `wanted`, or all where it is 0 or more than there are.
 pub(super) fn limit(wanted: usize, all: usize) -> usize {
     if wanted == 0 { all } else { wanted.min(all) }
@@ -78,6 +87,7 @@ impl Default for ObjectiveOptions {
             inverse_depth_weight: 4e4,
             inverse_depth_huber: 0.003,
             style_weight: 3.0,
+            motion_deviation: None,
             weak_perspective: false,
             points: 8192,
             silhouette_pixels: 2000,
@@ -132,6 +142,7 @@ impl ObjectiveOptions {
             ("silhouette_weight", self.silhouette_weight),
             ("inverse_depth_weight", self.inverse_depth_weight),
             ("style_weight", self.style_weight),
+            ("motion_deviation", self.motion_deviation.unwrap_or_default()),
             ("silhouette_cauchy", self.silhouette_cauchy),
             ("silhouette_tolerance", self.silhouette_tolerance),
             ("silhouette_size", self.silhouette_size),

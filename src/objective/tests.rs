@@ -97,6 +97,7 @@ fn sequence(frames: usize) -> Sequence {
     Sequence {
         name: "synthetic".into(),
         frames,
+        motion_deviation: None,
         truth: None,
     }
 }
@@ -197,6 +198,69 @@ fn each_terms_gradient_is_that_of_its_value() {
     assert_gradient(&only(|o| o.silhouette_weight = 0.1), &at);
     assert_gradient(&only(|o| o.inverse_depth_weight = 1000.0), &at);
     assert_gradient(&only(|o| o.style_weight = 2.0), &at);
+}
+
+/// A sequence whose off-the-shelf poses are those of `at`, known to 0.01 diagonals.
+fn vouched(at: &Estimate) -> Sequence {
+    let mut sequence = sequence(at.frame_count());
+    for (l, frame) in sequence.frames.iter_mut().enumerate() {
+        let Pose {
+            rotation,
+            translation,
+        } = at.camera_from_object(l);
+        frame.camera_from_input = Some(Pose {
+            rotation,
+            translation: translation / at.alpha,
+        });
+    }
+    sequence.motion_deviation = Some(0.01);
+    sequence
+}
+
+#[test]
+fn motion_is_held_to_the_off_the_shelf_poses() {
+    let at = estimate(3);
+    let sequence = vouched(&at);
+    let value = |at: &Estimate, deviation: Option<f64>| {
+        let options = only(|o| o.motion_deviation = deviation);
+        objective(&sequence, &options, at).evaluate().unwrap().motion
+    };
+    assert!(value(&at, None) < 1e-20);
+    // Both source frames see the object so far off, in a third of three frames each.
+    let mut off = at.clone();
+    for motion in &mut off.motion {
+        motion.0.translation += Vector3::new(0.0, 0.02, 0.0);
+    }
+    let known = |deviations: f64| 2.0 / 3.0 * 0.5 * 250.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
+    for (deviation, deviations) in [(None, 2.0), (Some(0.002), 10.0)] {
+        let found = value(&off, deviation);
+        assert!(
+            (found / known(deviations) - 1.0).abs() < 1e-9,
+            "{found} {}",
+            known(deviations)
+        );
+    }
+    assert_eq!(value(&off, Some(0.0)), 0.0);
+    let mut turned = at.clone();
+    turned.motion[0].0.rotation *= Rotation3::from_scaled_axis(Vector3::new(0.0, 0.02, 0.0));
+    assert!(value(&turned, None) > 1.0);
+}
+
+#[test]
+fn the_held_motions_gradient_is_that_of_its_value() {
+    let mut at = estimate(3);
+    let sequence = vouched(&at);
+    at.motion[0].0.translation.x += 0.03;
+    at.motion[1].0.rotation *= Rotation3::from_scaled_axis(Vector3::new(0.02, 0.01, -0.03));
+    at.alpha *= 1.1;
+    let mut objective = objective(&sequence, &only(|_| ()), &at);
+    let analytic = objective.gradient().unwrap();
+    let numeric = numeric_gradient(&mut objective, &at);
+    let scale = numeric.iter().fold(0.0f64, |m, g| m.max(g.abs()));
+    assert!(scale > 1.0);
+    for (a, n) in analytic.iter().zip(&numeric) {
+        assert!((a - n).abs() < 1e-5 * scale, "analytic {a}, numeric {n}");
+    }
 }
 
 #[test]

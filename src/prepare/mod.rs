@@ -28,6 +28,9 @@ use motion::{Motion, MotionError, View};
 use std::path::Path;
 use std::time::Instant;
 
+/// Of the poses made here, in diagonals of the object: measured against platforms that turn, half a degree to one.
+const MOTION_DEVIATION: f64 = 0.005;
+
 /// What can be chosen.
 #[derive(Clone, Debug, Default)]
 pub struct PrepareOptions {
@@ -211,6 +214,7 @@ pub fn prepare(
         sequence: Sequence {
             name,
             frames,
+            motion_deviation: Some(MOTION_DEVIATION),
             truth: None,
         },
         stages,

@@ -100,6 +100,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
     let sequence = Sequence {
         name: "box car".into(),
         frames: frames.collect(),
+        motion_deviation: None,
         truth: Some(Truth {
             camera_from_object: poses.clone(),
             depth: views.iter().map(|view| view.depth.clone()).collect(),

@@ -153,6 +153,7 @@ impl RunResult {
                 value.silhouette,
                 value.inverse_depth,
                 value.style,
+                value.motion,
             ]
         };
         let mut numbers: Vec<(String, Vec<f64>)> = vec![

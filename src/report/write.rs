@@ -364,7 +364,7 @@ mod tests {
             "rotation scale translation"
         );
         assert_eq!(keys(&json["objective"]).join(" "), "end start");
-        let terms = "inverse_depth photometric silhouette style total";
+        let terms = "inverse_depth motion photometric silhouette style total";
         assert_eq!(keys(&json["objective"]["end"]).join(" "), terms);
         assert_eq!(keys(&json["evaluations"]).join(" "), "jacobian residual");
         assert_eq!(json["termination"], "converged");

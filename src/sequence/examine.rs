@@ -65,6 +65,7 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
         kind,
         listing,
         frames,
+        motion_deviation,
         truth_shape,
         mut notes,
         mut problems,
@@ -97,6 +98,7 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
     let sequence = Sequence {
         name: name.clone(),
         frames,
+        motion_deviation,
         truth,
     };
     Ok(Examination {

@@ -38,6 +38,9 @@ pub struct Sequence {
     /// The folder's name.
     pub name: String,
     pub frames: Vec<Frame>,
+    /// Standard deviation, in diagonals of the object, of where the off-the-shelf poses take its points between two frames; None
+    /// where nobody vouches for them.
+    pub motion_deviation: Option<f64>,
     /// Known only for sequences that were rendered; never read by the solver.
     pub truth: Option<Truth>,
 }

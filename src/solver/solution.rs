@@ -11,6 +11,9 @@ pub struct ObjectiveValue {
     pub inverse_depth: f64,
     /// The style's regulariser; 0 where its weight is 0.
     pub style: f64,
+    /// What the motion differs from Eq. 13's; 0 where its weight is 0.
+    #[serde(default)]
+    pub motion: f64,
 }
 
 /// Ceres's counters; line search counts all of its evaluations as Jacobian evaluations.

@@ -79,6 +79,7 @@ pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError
     Ok(Sequence {
         name: name.to_owned(),
         frames,
+        motion_deviation: None,
         truth: Some(Truth {
             camera_from_object: shots.iter().map(|(view, _)| view.camera_from_object).collect(),
             depth,

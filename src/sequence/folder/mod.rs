@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! schema = 1
+//! motion_deviation = 0.005     # optional: how well the poses below are known, in diagonals of the object
 //!
 //! [[frames]]
 //! name = "000"                 # unique

@@ -20,6 +20,16 @@ pub fn draft(folder: &Path) -> Result<Draft, SequenceError> {
         problems: Vec::new(),
     };
     reader.check_names(&manifest.frames);
+    if let Some(deviation) = manifest.motion_deviation
+        && !(deviation.is_finite() && deviation > 0.0)
+    {
+        reader.problems.push(SequenceError::invalid(
+            &file,
+            "motion_deviation",
+            format!("{deviation} is no length"),
+            "give it in diagonals of the object, more than 0, or leave it out",
+        ));
+    }
     let count = manifest.frames.len();
     let (truth_shape, truths) = match manifest.truth {
         Some(entry) => reader.truth(entry, count),
@@ -34,6 +44,7 @@ pub fn draft(folder: &Path) -> Result<Draft, SequenceError> {
         name: folder_name(folder),
         kind: "sequence folder",
         frames,
+        motion_deviation: manifest.motion_deviation,
         truth_shape,
         notes: Vec::new(),
         problems: reader.problems,

@@ -15,6 +15,7 @@ pub(super) struct Version {
 pub(super) struct Manifest {
     #[serde(rename = "schema")]
     _schema: u32,
+    pub motion_deviation: Option<f64>,
     pub frames: Vec<FrameEntry>,
     pub truth: Option<TruthEntry>,
 }

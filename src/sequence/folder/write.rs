@@ -44,6 +44,10 @@ pub fn write(sequence: &Sequence, target: &Path) -> Result<(), SequenceError> {
 fn fill(sequence: &Sequence, folder: &Path) -> Result<(), SequenceError> {
     let stems = file_stems(&sequence.frames);
     let mut manifest = header();
+    if let Some(deviation) = sequence.motion_deviation {
+        // Writing to a string cannot fail.
+        let _ = writeln!(manifest, "motion_deviation = {deviation:?}");
+    }
     for name in ["images", "masks"] {
         create(&folder.join(name))?;
     }
@@ -173,6 +177,7 @@ mod tests {
         Sequence {
             name: "sample".into(),
             frames: frames.into(),
+            motion_deviation: Some(0.01),
             truth: Some(Truth {
                 camera_from_object: vec![pose(0.1), pose(-3.0)],
                 depth: vec![Grid::filled(8, 6, 0.3), Grid::filled(8, 6, 0.0)],

@@ -111,6 +111,7 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
     Ok(Draft {
         name: folder_name(input),
         kind: "openMVS project",
+        motion_deviation: None,
         listing: project.scene_file,
         frames,
         truth_shape: None,
