@@ -71,6 +71,7 @@ fn rendered() -> (Surface, Sequence, Estimate) {
                 ..*pose
             }),
             depth: None,
+            depth_deviation: None,
         });
     let sequence = Sequence {
         name: "ellipsoid".into(),

@@ -143,6 +143,27 @@ fn missing_and_blurred_frames_are_done_without() {
     );
 }
 
+#[test]
+fn a_focal_length_that_is_wrong_by_a_fifth_is_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (images, masks) = (bundled().join("images"), bundled().join("masks"));
+    for (focal, doubted) in [("400", false), ("480", true), ("320", true)] {
+        let out = folder.path().join(focal);
+        let output = prepare(&[
+            text(&images),
+            "--masks",
+            text(&masks),
+            "--focal",
+            focal,
+            "--out",
+            text(&out),
+        ]);
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(said.contains("10 of 10 frames placed"), "{said}");
+        assert_eq!(said.contains("IN DOUBT"), doubted, "{said}");
+    }
+}
+
 /// Motion JPEG in an AVI file: one chunk a frame behind the least of headers.
 fn video(file: &Path, frames: &[PathBuf]) {
     let chunk = |name: &[u8; 4], data: &[u8]| {

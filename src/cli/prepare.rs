@@ -1,6 +1,7 @@
 //! `spba-ceres prepare`, and what `solve` does with a video or pictures.
 
 use super::progress::interruption;
+use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use spba_ceres::prepare::{
     self, Cache, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
@@ -88,7 +89,13 @@ impl RawArgs {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    prepare(&args.input, &args.raw, args.category.as_deref(), &args.out)?;
+    prepare(
+        &args.input,
+        &args.raw,
+        args.category.as_deref(),
+        &args.out,
+        IfMade::Refuse,
+    )?;
     if args.review {
         let sheet = args.out.join("review.png");
         report::write_review(&sequence::load(&args.out, &LoadOptions::default())?, &sheet)?;
@@ -97,19 +104,33 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What to do with a sequence folder that this command made of another input or with other options.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum IfMade {
+    Refuse,
+    Replace,
+}
+
 /// Makes `out` of a video or pictures, unless that is what it holds already. Says what each stage did; what the stages made is
 /// kept in `<out>.cache` for runs with other options and after an interruption.
-pub fn prepare(input: &Path, raw: &RawArgs, category: Option<&str>, out: &Path) -> anyhow::Result<()> {
+pub fn prepare(
+    input: &Path,
+    raw: &RawArgs,
+    category: Option<&str>,
+    out: &Path,
+    if_made: IfMade,
+) -> anyhow::Result<()> {
     let interrupted = interruption()?;
     let options = raw.options(category);
     let stamp = Stamp::new(input, &options)?;
-    if out.symlink_metadata().is_ok() {
-        anyhow::ensure!(
-            Stamp::load(out).is_some_and(|found| found == stamp),
-            SequenceError::TargetExists(out.to_owned())
-        );
-        println!("{}: made of this input already", out.display());
-        return Ok(());
+    let exists = out.symlink_metadata().is_ok();
+    match Stamp::load(out) {
+        Some(found) if found == stamp => {
+            println!("{}: made of this input already", out.display());
+            return Ok(());
+        }
+        Some(_) if if_made == IfMade::Replace => {}
+        _ => anyhow::ensure!(!exists, SequenceError::TargetExists(out.to_owned())),
     }
     let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed_precise} {msg}")?;
     let bar = ProgressBar::new(0).with_style(style);
@@ -139,6 +160,9 @@ pub fn prepare(input: &Path, raw: &RawArgs, category: Option<&str>, out: &Path) 
             stage.seconds,
             memory.unwrap_or_default()
         );
+    }
+    if exists {
+        std::fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
     }
     sequence::write(&sequence, out)?;
     stamp.save(out)?;

@@ -226,7 +226,13 @@ fn prepared(args: &Args, category: &str) -> anyhow::Result<PathBuf> {
     let mut name = args.input.file_name().unwrap_or_default().to_owned();
     name.push(".sequence");
     let folder = args.out.with_file_name(name);
-    super::prepare::prepare(&args.input, &args.raw, Some(category), &folder)?;
+    super::prepare::prepare(
+        &args.input,
+        &args.raw,
+        Some(category),
+        &folder,
+        super::prepare::IfMade::Replace,
+    )?;
     Ok(folder)
 }
 

@@ -1,4 +1,4 @@
-//! Depth maps as OpenEXR files: one f32 channel named `Z`.
+//! Depth maps, and how well they are known, as OpenEXR files of one f32 channel: `Z`, or `deviation`.
 
 use super::files::one_line;
 use super::{DepthMap, Grid, ImageError};
@@ -11,18 +11,36 @@ const MOST_PIXELS_PER_BYTE: usize = 1024;
 
 /// Reads the channel `Z` of an EXR file; values are returned as they stand.
 pub fn read_depth(file: &FilePath) -> std::result::Result<DepthMap, ImageError> {
+    read_channel(file, "Z")
+}
+
+/// Reads the channel `deviation` of an EXR file; values are returned as they stand.
+pub fn read_deviation(file: &FilePath) -> std::result::Result<Grid<f32>, ImageError> {
+    read_channel(file, "deviation")
+}
+
+/// Writes a depth map as a losslessly compressed EXR with the single f32 channel `Z`.
+pub fn write_depth(depth: &DepthMap, file: &FilePath) -> std::result::Result<(), ImageError> {
+    write_channel(depth, "Z", file)
+}
+
+/// Writes standard deviations of a depth as [`write_depth`] does depths, with the channel `deviation`.
+pub fn write_deviation(deviation: &Grid<f32>, file: &FilePath) -> std::result::Result<(), ImageError> {
+    write_channel(deviation, "deviation", file)
+}
+
+fn read_channel(file: &FilePath, name: &str) -> std::result::Result<Grid<f32>, ImageError> {
     let bytes = std::fs::read(file).map_err(|source| ImageError::read(file, source))?;
-    decode(&bytes).map_err(|error| ImageError::Depth {
+    decode(&bytes, name).map_err(|error| ImageError::Depth {
         file: file.to_owned(),
         reason: one_line(&error.to_string()),
     })
 }
 
-/// Writes a depth map as a losslessly compressed EXR with the single f32 channel `Z`.
-pub fn write_depth(depth: &DepthMap, file: &FilePath) -> std::result::Result<(), ImageError> {
-    let channel = AnyChannel::new("Z", FlatSamples::F32(depth.data().to_vec()));
+fn write_channel(grid: &Grid<f32>, name: &str, file: &FilePath) -> std::result::Result<(), ImageError> {
+    let channel = AnyChannel::new(name, FlatSamples::F32(grid.data().to_vec()));
     let layer = Layer::new(
-        depth.size(),
+        grid.size(),
         LayerAttributes::default(),
         Encoding {
             compression: Compression::ZIP16,
@@ -40,7 +58,7 @@ pub fn write_depth(depth: &DepthMap, file: &FilePath) -> std::result::Result<(),
         })
 }
 
-fn decode(bytes: &[u8]) -> exr::error::Result<DepthMap> {
+fn decode(bytes: &[u8], name: &str) -> exr::error::Result<Grid<f32>> {
     let chunks = exr::block::read(Cursor::new(bytes), false)?;
     for header in chunks.headers() {
         let Vec2(width, height) = header.layer_size;
@@ -56,10 +74,10 @@ fn decode(bytes: &[u8]) -> exr::error::Result<DepthMap> {
         .no_deep_data()
         .largest_resolution_level()
         .specific_channels()
-        .required("Z")
+        .required(name)
         .collect_pixels(
             |size, _| Grid::filled(size.width(), size.height(), 0f32),
-            |grid: &mut DepthMap, at, (z,): (f32,)| grid[(at.x(), at.y())] = z,
+            |grid: &mut Grid<f32>, at, (value,): (f32,)| grid[(at.x(), at.y())] = value,
         )
         .first_valid_layer()
         .all_attributes()
@@ -89,6 +107,15 @@ mod tests {
     }
 
     #[test]
+    fn a_depth_is_no_deviation() {
+        let (folder, depth, _) = sample();
+        assert!(read_deviation(&folder.path().join("depth.exr")).is_err());
+        let file = folder.path().join("deviation.exr");
+        write_deviation(&depth, &file).unwrap();
+        assert_eq!(read_deviation(&file).unwrap(), depth);
+    }
+
+    #[test]
     fn the_same_depth_gives_the_same_bytes() {
         assert_eq!(sample().2, sample().2);
     }
@@ -97,7 +124,11 @@ mod tests {
     fn every_truncation_is_an_error() {
         let (_folder, _, bytes) = sample();
         for length in 0..bytes.len() {
-            assert!(decode(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+            assert!(
+                decode(&bytes[..length], "Z").is_err(),
+                "{length} of {}",
+                bytes.len()
+            );
         }
     }
 
@@ -107,11 +138,11 @@ mod tests {
             let (_folder, _, mut bytes) = sample();
             let at = at.index(bytes.len());
             bytes[at] = value;
-            let _ = decode(&bytes);
+            let _ = decode(&bytes, "Z");
             for (byte, new) in bytes[at..].iter_mut().zip(tail.to_le_bytes()) {
                 *byte = new;
             }
-            let _ = decode(&bytes);
+            let _ = decode(&bytes, "Z");
         }
     }
 }

@@ -11,7 +11,7 @@ mod pyramid;
 mod remap;
 
 pub use blur::blur;
-pub use depth::{read_depth, write_depth};
+pub use depth::{read_depth, read_deviation, write_depth, write_deviation};
 pub use distance::NearestPixel;
 pub use error::ImageError;
 pub use files::{mask_of, read_mask, read_rgb, read_rgb_covering, write_mask, write_rgb};

@@ -118,6 +118,7 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
             depth: Some(Grid::from_fn(SIZE.0, SIZE.1, |c, r| {
                 depth[(c, r)].map_or(0.0, |z| (z / alpha) as f32)
             })),
+            depth_deviation: None,
         }
     });
     Sequence {

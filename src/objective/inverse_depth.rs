@@ -133,6 +133,7 @@ mod tests {
             timestamp_s: None,
             camera_from_input: None,
             depth: Some(DepthMap::from_fn(9, 8, depth)),
+            depth_deviation: None,
         }
     }
 

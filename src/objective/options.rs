@@ -64,7 +64,7 @@ const CAUTIOUS_CAUCHY: f64 = 4.0;
 const CAUTIOUS_STYLE: f64 = 10.0;
 
 /// Weight of a mean over frames: squared distances in deviations between Δp_l and the off-the-shelf motion.
-pub(super) const MOTION_WEIGHT: f64 = 250.0;
+pub(super) const MOTION_WEIGHT: f64 = 2500.0;
 /// Cauchy scale in deviations: single off-the-shelf poses are wrong.
 pub(super) const MOTION_CAUCHY: f64 = 6.0;
 

@@ -92,6 +92,7 @@ fn sequence(frames: usize) -> Sequence {
             depth: Some(crate::image::DepthMap::from_fn(width, height, |c, _| {
                 2.5 + 0.01 * c as f32
             })),
+            depth_deviation: None,
         })
         .collect();
     Sequence {
@@ -231,7 +232,7 @@ fn motion_is_held_to_the_off_the_shelf_poses() {
     for motion in &mut off.motion {
         motion.0.translation += Vector3::new(0.0, 0.02, 0.0);
     }
-    let known = |deviations: f64| 2.0 / 3.0 * 0.5 * 250.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
+    let known = |deviations: f64| 2.0 / 3.0 * 0.5 * 2500.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
     for (deviation, deviations) in [(None, 2.0), (Some(0.002), 10.0)] {
         let found = value(&off, deviation);
         assert!(

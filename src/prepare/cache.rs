@@ -1,8 +1,10 @@
 //! What stages made, kept by the contents of what they were made of: a second run, or one that was interrupted, makes only what is new.
 
+use crate::sources;
 use serde::{Serialize, de::DeserializeOwned};
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Of contents and options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -11,8 +13,7 @@ pub struct Key(u64);
 impl Key {
     pub fn of(contents: &(impl Hash + ?Sized)) -> Self {
         let mut hasher = DefaultHasher::new();
-        // Stages of another version may make other things.
-        env!("CARGO_PKG_VERSION").hash(&mut hasher);
+        build().hash(&mut hasher);
         contents.hash(&mut hasher);
         Self(hasher.finish())
     }
@@ -27,6 +28,22 @@ impl std::fmt::Display for Key {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         write!(f, "{:016x}", self.0)
     }
+}
+
+/// Tells builds apart whose stages could make other things; a version number would not.
+fn build() -> u64 {
+    static BUILD: OnceLock<u64> = OnceLock::new();
+    *BUILD.get_or_init(|| {
+        let mut hasher = DefaultHasher::new();
+        let counts = |path: &Path| {
+            ["prepare", "bridge", "geometry", "image"]
+                .iter()
+                .any(|folder| path.starts_with(folder))
+        };
+        sources::hash_rust(counts, &mut hasher);
+        sources::hash_cpp(&mut hasher);
+        hasher.finish()
+    })
 }
 
 /// A folder of what stages made; it may be deleted at any time.

@@ -1,5 +1,6 @@
 //! Which focal length, and how it is known.
 
+use super::motion::FREE;
 use super::photos::FILM_DIAGONAL_MM;
 use super::{Photo, PrepareError};
 use crate::geometry::Pinhole;
@@ -47,7 +48,7 @@ impl FocalSource {
     pub fn deviation(self) -> f64 {
         match self {
             Self::Flag | Self::Exif => 0.02,
-            Self::Refined => 1.0,
+            Self::Refined => FREE,
         }
     }
 

@@ -31,6 +31,10 @@ use std::time::Instant;
 /// Of the poses made here, in diagonals of the object: measured against platforms that turn, half a degree to one.
 const MOTION_DEVIATION: f64 = 0.005;
 
+/// A known focal length is doubted where the features alone would have another whose logarithm differs by more. From short arcs they
+/// are themselves off by up to a tenth.
+const FOCAL_DOUBT: f64 = 0.12;
+
 /// What can be chosen.
 #[derive(Clone, Debug, Default)]
 pub struct PrepareOptions {
@@ -149,6 +153,14 @@ pub fn prepare(
         motion.camera.fx,
         focal_source.words()
     );
+    let better = motion.better_focal_px.unwrap_or(motion.camera.fx) / motion.camera.fx;
+    if better.ln().abs() > FOCAL_DOUBT {
+        words += &format!(
+            ", IN DOUBT: the features would rather have it {:.0} % {}",
+            100.0 * (better - 1.0).abs(),
+            if better > 1.0 { "longer" } else { "shorter" }
+        );
+    }
     if !lost.is_empty() {
         words += &format!(
             "; dropped, too little in common with the others: {}",
@@ -192,16 +204,18 @@ pub fn prepare(
     let frames = photos
         .into_iter()
         .zip(masks)
-        .zip(refined.camera_from_input.iter().zip(refined.depths))
-        .filter_map(|((photo, mask), (pose, depth))| {
+        .zip(refined.camera_from_input)
+        .zip(refined.depths.into_iter().zip(refined.deviations))
+        .filter_map(|(((photo, mask), pose), (depth, depth_deviation))| {
             Some(Frame {
                 name: photo.name,
                 image: photo.image,
                 mask,
                 camera: motion.camera,
                 timestamp_s: photo.seconds,
-                camera_from_input: Some((*pose)?),
+                camera_from_input: Some(pose?),
                 depth,
+                depth_deviation,
             })
         })
         .collect();

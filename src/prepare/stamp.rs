@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 /// The contents of an input and the options, in short.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
-    version: String,
     input: String,
 }
 
@@ -44,7 +43,6 @@ impl Stamp {
             );
         }
         Ok(Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
             input: contents(&files)?.and(options).to_string(),
         })
     }

@@ -152,6 +152,7 @@ mod tests {
             timestamp_s: None,
             camera_from_input: None,
             depth: None,
+            depth_deviation: None,
         };
         // A plate that faces the camera, and another that hides behind it.
         let plate = |z: f64| {

@@ -95,6 +95,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
                 ..input
             }),
             depth: None,
+            depth_deviation: None,
         }
     });
     let sequence = Sequence {

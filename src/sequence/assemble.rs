@@ -7,7 +7,9 @@ use super::draft::{DepthSource, FrameDraft};
 use super::error::SequenceError;
 use super::undistort::distorted_from_pinhole;
 use crate::geometry::Pose;
-use crate::image::{DepthMap, Grid, ImageError, Mask, RgbImage, read_depth, read_mask, read_rgb};
+use crate::image::{
+    DepthMap, Grid, ImageError, Mask, RgbImage, read_depth, read_deviation, read_mask, read_rgb,
+};
 use std::path::Path;
 
 /// What could be read of one frame; everything that could not is in `problems`.
@@ -16,6 +18,7 @@ pub(super) struct Parts {
     pub image: Option<RgbImage>,
     pub mask: Option<Mask>,
     pub depth: Option<DepthMap>,
+    pub depth_deviation: Option<Grid<f32>>,
     /// `camera_from_object` and z in object units.
     pub truth: Option<(Pose, DepthMap)>,
     pub notes: Vec<String>,
@@ -33,6 +36,7 @@ impl Parts {
             timestamp_s: self.draft.timestamp_s,
             camera_from_input: self.draft.camera_from_input,
             depth: self.depth,
+            depth_deviation: self.depth_deviation,
         };
         Some((frame, self.truth))
     }
@@ -81,6 +85,7 @@ pub(super) fn assemble(draft: FrameDraft) -> Parts {
         image: None,
         mask: None,
         depth: None,
+        depth_deviation: None,
         truth: None,
         notes: Vec::new(),
         problems: Vec::new(),
@@ -88,6 +93,7 @@ pub(super) fn assemble(draft: FrameDraft) -> Parts {
     parts.image = read_image(&mut parts);
     parts.mask = read_object_mask(&mut parts);
     parts.depth = read_off_the_shelf_depth(&mut parts);
+    parts.depth_deviation = read_depth_deviation(&mut parts);
     parts.truth = read_truth(&mut parts);
     undistort(&mut parts);
     parts
@@ -124,6 +130,12 @@ fn read_object_mask(parts: &mut Parts) -> Option<Mask> {
         parts.problems.push(SequenceError::EmptyMask(file));
         None
     }
+}
+
+fn read_depth_deviation(parts: &mut Parts) -> Option<Grid<f32>> {
+    let file = parts.draft.depth_deviation.clone()?;
+    let deviation = parts.read("deviation of the depth", read_deviation(&file))?;
+    parts.of_image_size(deviation, &file, "deviation of the depth")
 }
 
 fn read_truth(parts: &mut Parts) -> Option<(Pose, DepthMap)> {

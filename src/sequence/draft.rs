@@ -34,6 +34,8 @@ pub(super) struct FrameDraft {
     pub timestamp_s: Option<f64>,
     pub camera_from_input: Option<Pose>,
     pub depth: DepthSource,
+    /// EXR, of the image's size.
+    pub depth_deviation: Option<PathBuf>,
     pub truth: Option<FrameTruth>,
 }
 

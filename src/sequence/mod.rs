@@ -29,7 +29,7 @@ pub use folder::write;
 pub use options::{FrameWindow, LoadOptions, WindowError};
 
 use crate::geometry::{Pinhole, Pose};
-use crate::image::{DepthMap, Mask, RgbImage};
+use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use std::path::Path;
 
 /// Frames in order; frame 0 is the target frame of Eq. 4.
@@ -121,6 +121,9 @@ pub struct Frame {
     pub camera_from_input: Option<Pose>,
     /// Off-the-shelf z in the same units, 0 = unknown; counts inside the mask only.
     pub depth: Option<DepthMap>,
+    /// Standard deviation of that depth as a share of it, 0 where there is none; for whoever takes the depth further, as the
+    /// solver trusts all depths alike.
+    pub depth_deviation: Option<Grid<f32>>,
 }
 
 /// What a rendered sequence knows of itself.

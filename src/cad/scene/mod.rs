@@ -132,6 +132,7 @@ fn expose(
     let frame = Frame {
         name: format!("{index:03}"),
         depth: Some(input::depth(scene, index, &image, &rendering)),
+        depth_deviation: None,
         image,
         mask: rendering.mask,
         camera: view.camera,

@@ -18,6 +18,8 @@ const LEAST_ANGLE_DEG: f64 = 1.5;
 const START_ANGLE_DEG: f64 = 8.0;
 /// No point lies so near to a camera, in baselines of the first pair.
 const NEAREST: f64 = 0.2;
+/// Deviation of a focal length's logarithm that leaves it to the features.
+pub const FREE: f64 = 1.0;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
 
@@ -33,6 +35,7 @@ struct Verified {
 pub struct Reconstruction<'a> {
     matching: &'a Matching,
     options: &'a MotionOptions,
+    focal_deviation: f64,
     camera: Pinhole,
     /// Multiplies the camera's focal lengths.
     zoom: f64,
@@ -89,6 +92,7 @@ impl<'a> Reconstruction<'a> {
         Ok(Self {
             matching,
             options,
+            focal_deviation: options.focal_deviation,
             camera: *camera,
             zoom: 1.0,
             poses,
@@ -117,7 +121,13 @@ impl<'a> Reconstruction<'a> {
             }
         }
         self.adjust(ROUNDS)?;
-        Ok(self.motion())
+        let mut motion = self.motion();
+        if self.focal_deviation > 0.0 && self.focal_deviation < FREE {
+            self.focal_deviation = FREE;
+            self.adjust(ROUNDS)?;
+            motion.better_focal_px = Some(self.zoomed().fx);
+        }
+        Ok(motion)
     }
 
     /// x and y on the plane z = 1 of a feature.
@@ -292,7 +302,7 @@ impl<'a> Reconstruction<'a> {
             loss_width: 0.5 * self.tolerance(),
             // From few frames a focal length cannot be told from a distance.
             zoom_deviation: if self.order.len() > 4 {
-                self.options.focal_deviation
+                self.focal_deviation
             } else {
                 0.0
             },
@@ -331,6 +341,7 @@ impl<'a> Reconstruction<'a> {
             camera_from_input: self.poses.clone(),
             points,
             seen_in,
+            better_focal_px: None,
             error_px: (squares / f64::from(count.max(1))).sqrt(),
         }
     }

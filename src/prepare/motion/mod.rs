@@ -11,6 +11,7 @@ pub use matching::{Matching, match_features};
 
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{Mask, RgbImage};
+pub use grow::FREE;
 use grow::Reconstruction;
 
 /// What can be chosen.
@@ -50,6 +51,8 @@ pub struct Motion {
     pub points: Vec<Vector3<f64>>,
     /// Per point: the frames that see it.
     pub seen_in: Vec<Vec<u32>>,
+    /// fx as the features alone would have it, where it was known and held.
+    pub better_focal_px: Option<f64>,
     /// Root mean square over all observations.
     pub error_px: f64,
 }

@@ -89,6 +89,7 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
                 (None, true, _) => DepthSource::ColmapMap(dense),
                 (None, false, false) => DepthSource::Points(sparse),
             },
+            depth_deviation: None,
             truth: None,
         });
     }

@@ -12,6 +12,7 @@
 //! camera = { fx = 500.0, fy = 500.0, cx = 160.0, cy = 120.0 }   # px; top-left pixel's centre is (0.5, 0.5)
 //! camera_from_input = { rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], translation = [0, 0, 2] }  # optional
 //! depth = "depth/000.exr"      # optional; one f32 channel Z, z in input units, 0 = unknown
+//! depth_deviation = "deviation/000.exr"   # optional; one f32 channel `deviation`, of z as a share of z
 //!
 //! [truth]                      # optional
 //! shape = "truth/shape.ply"    # binary little-endian, float x y z, object frame

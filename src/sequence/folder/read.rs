@@ -138,6 +138,9 @@ impl FolderReader<'_> {
                 .path(&depth, &field("depth"))
                 .map_or(DepthSource::None, DepthSource::Exr),
         };
+        let depth_deviation = entry
+            .depth_deviation
+            .and_then(|deviation| self.path(&deviation, &field("depth_deviation")));
         Some(FrameDraft {
             name: entry.name,
             declared_in: self.file.to_owned(),
@@ -149,6 +152,7 @@ impl FolderReader<'_> {
             timestamp_s: entry.timestamp_s,
             camera_from_input,
             depth,
+            depth_deviation,
             truth,
         })
     }

@@ -30,6 +30,7 @@ pub(super) struct FrameEntry {
     pub camera: CameraEntry,
     pub camera_from_input: Option<PoseEntry>,
     pub depth: Option<String>,
+    pub depth_deviation: Option<String>,
 }
 
 #[derive(Deserialize)]

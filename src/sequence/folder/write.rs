@@ -3,7 +3,7 @@
 use super::schema::SCHEMA;
 use super::{MANIFEST, points};
 use crate::geometry::{Pinhole, Pose};
-use crate::image::{write_depth, write_mask, write_rgb};
+use crate::image::{write_depth, write_deviation, write_mask, write_rgb};
 use crate::sequence::{Frame, Sequence, SequenceError, Truth};
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -54,11 +54,21 @@ fn fill(sequence: &Sequence, folder: &Path) -> Result<(), SequenceError> {
     if sequence.frames.iter().any(|frame| frame.depth.is_some()) {
         create(&folder.join("depth"))?;
     }
+    if sequence
+        .frames
+        .iter()
+        .any(|frame| frame.depth_deviation.is_some())
+    {
+        create(&folder.join("deviation"))?;
+    }
     for (frame, stem) in sequence.frames.iter().zip(&stems) {
         write_rgb(&frame.image, &folder.join(format!("images/{stem}.png")))?;
         write_mask(&frame.mask, &folder.join(format!("masks/{stem}.png")))?;
         if let Some(depth) = &frame.depth {
             write_depth(depth, &folder.join(format!("depth/{stem}.exr")))?;
+        }
+        if let Some(deviation) = &frame.depth_deviation {
+            write_deviation(deviation, &folder.join(format!("deviation/{stem}.exr")))?;
         }
         manifest += &frame_entry(frame, stem);
     }
@@ -100,6 +110,9 @@ fn frame_entry(frame: &Frame, stem: &str) -> String {
     }
     if frame.depth.is_some() {
         let _ = writeln!(entry, "depth = \"depth/{stem}.exr\"");
+    }
+    if frame.depth_deviation.is_some() {
+        let _ = writeln!(entry, "depth_deviation = \"deviation/{stem}.exr\"");
     }
     entry
 }
@@ -173,6 +186,7 @@ mod tests {
             timestamp_s: (name != "b").then_some(0.1),
             camera_from_input: (name != "b").then(|| pose(0.7)),
             depth: (name != "b").then(|| Grid::from_fn(8, 6, |c, r| (c * r) as f32 * 0.1)),
+            depth_deviation: (name == "a").then(|| Grid::from_fn(8, 6, |c, r| (c + r) as f32 * 0.001)),
         });
         Sequence {
             name: "sample".into(),

@@ -105,6 +105,7 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
             timestamp_s: workspace::time_of(&times, image),
             camera_from_input: Some(map.camera_from_world),
             depth: DepthSource::OpenMvsMap(file.clone()),
+            depth_deviation: None,
             truth: None,
         });
     }
