@@ -42,7 +42,7 @@ Objective::Objective(State* state, const Weights& weights)
     const int s = state->style_count();
     style_block_ =
         std::make_unique<ceres::NormalPrior>(ceres::Matrix::Identity(s, s), ceres::Vector::Zero(s));
-    style_loss_ = Scaled(weights.style, nullptr);
+    style_loss_ = Scaled(weights.style, std::make_unique<StyleLoss>(weights.style_reach));
     problem_.AddResidualBlock(style_block_.get(), style_loss_.get(), variables.style.data());
   }
 }
@@ -138,7 +138,10 @@ double Objective::MotionCost() const {
 double Objective::StyleCost() const {
   double squared_norm = 0.0;
   for (const double s : state_->variables.style) squared_norm += s * s;
-  return 0.5 * weights_.style * squared_norm;
+  if (style_loss_ == nullptr) return 0.0;
+  double rho[3];
+  style_loss_->Evaluate(squared_norm, rho);
+  return 0.5 * rho[0];
 }
 
 }  // namespace spba

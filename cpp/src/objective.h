@@ -10,6 +10,7 @@
 
 #include "blocks.h"
 #include "spba/motion.h"
+#include "spba/style.h"
 
 namespace spba {
 
@@ -22,6 +23,7 @@ struct Weights {
   double inverse_depth;        // lambda_2
   double inverse_depth_huber;  // delta_2
   double style;                // of -log p(s) = |s|^2 / 2
+  double style_reach;          // |s| from which it rises steeply; 0 = nowhere
   double motion;               // of what dp_l differs from Eq. 13's
   double motion_cauchy;        // object diagonals
 };

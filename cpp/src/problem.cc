@@ -35,7 +35,8 @@ Prior FromCallback(rust::Box<PriorCallback> callback) {
 Problem::Problem(const ProblemOptions& options, Prior prior)
     : weights_{options.photometric_weight, options.photometric_huber,    options.silhouette_weight,
                options.silhouette_cauchy,  options.inverse_depth_weight, options.inverse_depth_huber,
-               options.style_weight,       options.motion_weight,        options.motion_cauchy},
+               options.style_weight,       options.style_reach,          options.motion_weight,
+               options.motion_cauchy},
       state_(std::move(prior), static_cast<int>(options.points), static_cast<int>(options.style)),
       photometric_(options.frames),
       inverse_depth_(options.frames),

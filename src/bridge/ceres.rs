@@ -30,6 +30,8 @@ pub mod ffi {
         inverse_depth_huber: f64,
         /// Weight of −log p(s) = ½‖s‖²; 0 leaves the term out.
         style_weight: f64,
+        /// ‖s‖ from which that term rises steeply; 0 = nowhere.
+        style_reach: f64,
         /// Of what Δp_l differs from Eq. 13's.
         motion_weight: f64,
         /// In object diagonals.

@@ -99,6 +99,7 @@ impl<'a> Objective<'a> {
                 inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
                 inverse_depth_huber: options.inverse_depth_huber,
                 style_weight: options.style_weight,
+                style_reach: options.style_reach * (prior.style_len() as f64).sqrt(),
                 motion_weight: held.map_or(0.0, |deviation| MOTION_WEIGHT / deviation.powi(2)),
                 motion_cauchy: MOTION_CAUCHY * held.unwrap_or(1.0),
                 weak_perspective: options.weak_perspective,

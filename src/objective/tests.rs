@@ -218,6 +218,24 @@ fn vouched(at: &Estimate) -> Sequence {
     sequence
 }
 
+/// Its style is 1.43 long: 0.71 √S.
+#[test]
+fn styles_beyond_reach_cost_more_and_are_differentiated() {
+    let at = estimate(2);
+    let sequence = sequence(2);
+    let norm = at.style.iter().map(|s| s * s).sum::<f64>().sqrt();
+    for (reach, beyond) in [(0.0, 0.0), (1.0, 0.0), (0.5, norm - 1.0)] {
+        let options = only(|o| {
+            o.style_weight = 2.0;
+            o.style_reach = reach;
+        });
+        let found = objective(&sequence, &options, &at).evaluate().unwrap().style;
+        let known = norm * norm + 100.0 * beyond * beyond;
+        assert!((found - known).abs() < 1e-9 * known, "{reach}: {found} {known}");
+        assert_gradient(&options, &at);
+    }
+}
+
 #[test]
 fn motion_is_held_to_the_off_the_shelf_poses() {
     let at = estimate(3);
