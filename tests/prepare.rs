@@ -164,6 +164,37 @@ fn a_focal_length_that_is_wrong_by_a_fifth_is_doubted() {
     }
 }
 
+#[test]
+fn solve_makes_its_sequence_anew_where_options_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (images, masks) = (bundled().join("images"), bundled().join("masks"));
+    let solve = |focal: &str, out: &str| {
+        let output = Command::cargo_bin("spba-ceres")
+            .unwrap()
+            .args(["solve", text(&images), "--masks", text(&masks), "--focal", focal])
+            .args(["--max-frames", "4", "--hypotheses", "1"])
+            .args(["--levels", "1", "--max-steps", "1", "--iterations", "2"])
+            .args(["--out", text(&folder.path().join(out))])
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        let said = String::from_utf8(output.stdout).unwrap();
+        let sequence = load(&folder.path().join("images.sequence"));
+        (
+            said.contains("made of this input already"),
+            sequence.frames[0].camera.fx,
+        )
+    };
+    let (first, again, other) = (solve("400", "a"), solve("400", "b"), solve("380", "c"));
+    assert!(!first.0 && again.0 && !other.0);
+    assert_eq!(first.1, again.1);
+    assert!(other.1 < first.1 - 5.0, "{} {}", first.1, other.1);
+}
+
 /// Motion JPEG in an AVI file: one chunk a frame behind the least of headers.
 fn video(file: &Path, frames: &[PathBuf]) {
     let chunk = |name: &[u8; 4], data: &[u8]| {
