@@ -157,7 +157,7 @@ enum StrategyArg {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let config = effective_config(args)?;
+    let mut config = effective_config(args)?;
     report::check_out(&args.out)?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(config.threads)
@@ -170,6 +170,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut sequence = read(&input, &config.input.load_options()?)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
+
+    // The result's configuration says what was held, not where that came from.
+    let deviation = config.objective.motion_deviation.or(sequence.motion_deviation);
+    config.objective.motion_deviation = Some(deviation.unwrap_or(0.0));
 
     // A regressor sees the frames in their own order.
     let style = start_style(&sequence, &learned, &prior_info, &config.start.style)?;
