@@ -17,18 +17,29 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         .cargo_metadata(false)
         .probe("eigen3")
         .map_err(|error| format!("Eigen is needed (Debian: libeigen3-dev): {error}"))?;
-    let sources = [
-        "bundle",
-        "free_depth",
-        "logs",
+    let core = [
+        "accumulated_cost",
+        "blocks",
+        "coordinates",
+        "geometry",
+        "minimise",
         "nearest",
         "objective",
-        "problem",
+        "parallel",
         "scaling",
-        "solve",
-        "state",
+        "shape",
+        "system",
+        "terms/focal",
+        "terms/inverse_depth",
+        "terms/motion",
+        "terms/photometric",
+        "terms/silhouette",
+        "terms/style",
+        "views",
     ]
-    .map(|name| format!("cpp/src/{name}.cc"));
+    .map(|name| format!("cpp/core/{name}.cc"));
+    let bridge = ["bundle", "free_depth", "logs", "problem"].map(|name| format!("cpp/bridge/{name}.cc"));
+    let sources = [&core[..], &bridge].concat();
     compile(
         &["src/bridge/bundle.rs", "src/bridge/ceres.rs"],
         &sources,
@@ -38,7 +49,8 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
     for library in ["ceres", "glog"] {
         println!("cargo:rustc-link-lib={library}");
     }
-    println!("cargo:rerun-if-changed=cpp/src");
+    println!("cargo:rerun-if-changed=cpp/core");
+    println!("cargo:rerun-if-changed=cpp/bridge");
     println!("cargo:rerun-if-changed=cpp/include");
     Ok(())
 }
@@ -86,7 +98,7 @@ fn compile(
     build
         .files(sources)
         .include("cpp/include")
-        .include("cpp/src")
+        .include("cpp")
         .std("c++17")
         // An unoptimised Eigen is fifty times slower, in tests too.
         .opt_level(3)

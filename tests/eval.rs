@@ -88,13 +88,10 @@ fn rendered() -> (Surface, Sequence, Estimate) {
         }),
     };
     let estimate = Estimate {
-        target_from_object: poses[0],
-        motion: poses[1..]
-            .iter()
-            .map(|pose| RelativePose::between(&poses[0], pose))
-            .collect(),
+        camera_from_object: poses,
         style: vec![],
         alpha: 0.5,
+        focal_factor: 1.0,
     };
     (surface, sequence, estimate)
 }
@@ -132,9 +129,8 @@ fn a_result_and_its_input_against_truth() {
     spba_ceres::sequence::write(&sequence, &truth).unwrap();
     // Every camera 2° off about its own optical axis: the centres and depths stay.
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), 2f64.to_radians());
-    estimate.target_from_object.rotation = roll * estimate.target_from_object.rotation;
-    for motion in &mut estimate.motion {
-        motion.0.rotation = roll * motion.0.rotation * roll.inverse();
+    for pose in &mut estimate.camera_from_object {
+        pose.rotation = roll * pose.rotation;
     }
     write_result(&surface, &sequence, estimate, &result);
 
@@ -163,8 +159,8 @@ fn a_result_and_its_input_against_truth() {
 
 /// Every camera somewhere else: a solve with known errors.
 fn shifted(mut estimate: Estimate) -> Estimate {
-    for (l, motion) in estimate.motion.iter_mut().enumerate() {
-        motion.0.translation += Vector3::new(0.01, -0.02, 0.03) * (l + 1) as f64;
+    for (l, pose) in estimate.camera_from_object.iter_mut().enumerate() {
+        pose.translation += Vector3::new(0.01, -0.02, 0.03) * l as f64;
     }
     estimate
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use spba_ceres::config::Config;
 use spba_ceres::eval::{Estimated, TruthErrors, against_truth};
 use spba_ceres::init::Estimate;
+use spba_ceres::objective::Footage;
 use spba_ceres::prior::{self, LearnedPrior, ShapePrior};
 use spba_ceres::report::Surface;
 use spba_ceres::sequence::{self, LoadOptions, Sequence};
@@ -20,13 +21,9 @@ use std::sync::Arc;
 const ANGLE_DEG: f64 = 10.0;
 const SHARE_OF_DISTANCE: f64 = 0.05;
 
-/// The target frame first.
-fn bundled(config: &Config) -> Sequence {
+fn bundled() -> Sequence {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sequences/car");
-    let mut sequence = sequence::load(&folder, &LoadOptions::default()).unwrap();
-    let target = config.input.target_of(sequence.frames.len()).unwrap();
-    sequence.bring_to_front(target);
-    sequence
+    sequence::load(&folder, &LoadOptions::default()).unwrap()
 }
 
 fn errors(sequence: &Sequence, prior: &LearnedPrior, estimate: &Estimate) -> TruthErrors {
@@ -55,15 +52,27 @@ impl From<&TruthErrors> for Triple {
 /// Solves from the seed's start and prints a line: errors at the start, errors at the end.
 fn solved(seed: u64) -> (Triple, Triple) {
     let config = Config::default();
-    let sequence = bundled(&config);
+    let sequence = bundled();
+    let target = config.input.target_of(sequence.frames.len()).unwrap();
+    let footage = Footage::new(&sequence, config.solver.levels).unwrap();
     let prior = prior::find("car").unwrap();
     let shared: Arc<dyn ShapePrior> = Arc::new(prior.clone());
-    let start = perturbed_start(&sequence, &prior, ANGLE_DEG, SHARE_OF_DISTANCE, seed).unwrap();
+    let start = perturbed_start(&sequence, &prior, target, ANGLE_DEG, SHARE_OF_DISTANCE, seed).unwrap();
     let before = Triple::from(&errors(&sequence, &prior, &start));
-    let short = solver::short_solves(&sequence, &shared, &[start], &|_| true).unwrap();
-    let solution = solver::refine(
-        &sequence,
+    let short = solver::short_solves(
+        &footage,
         &shared,
+        target,
+        &[start],
+        &config.objective,
+        config.solver.evaluation,
+        &|_| true,
+    )
+    .unwrap();
+    let solution = solver::refine(
+        &footage,
+        &shared,
+        target,
         &short.estimate,
         &config.objective,
         &config.solver,

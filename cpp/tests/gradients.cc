@@ -144,7 +144,7 @@ int main() {
   };
   int failures = Check("zoom prior", *Cost(spba::ZoomPrior::Create(0.05)), Points(), OfZoom);
   const spba::MotionError motion{{0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}, {0.3, -0.2, 0.1}};
-  failures += Check("motion", *Cost(spba::MotionError::Create(motion)), Points(), OfMotion);
+  failures += Check("motion", *Cost(spba::MotionCost::Create(motion)), Points(), OfMotion);
   for (const auto& [name, cost, parameters_of] : cases) {
     failures += Check(name, *cost, Points(), parameters_of);
     failures += CheckBehind(name, *cost, parameters_of);

@@ -1,6 +1,6 @@
 //! Classic bundle adjustment with Ceres: of features, and photometric.
 
-#[cxx::bridge(namespace = "spba")]
+#[cxx::bridge(namespace = "spba::bridge")]
 pub mod ffi {
     /// A point where a camera sees it, in pixels.
     #[derive(Clone, Copy, Debug)]
@@ -64,8 +64,8 @@ pub mod ffi {
     }
 
     unsafe extern "C++" {
-        include!("bundle.h");
-        include!("free_depth.h");
+        include!("bridge/bundle.h");
+        include!("bridge/free_depth.h");
 
         /// Minimises what `pixels` look unlike in the frames that see them, over their inverse depths and `cameras` (camera_from_world,
         /// six numbers each); the first camera stays where it is, and the second as far from it. `images`: of every camera, RGB, row-major,

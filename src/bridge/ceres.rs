@@ -1,45 +1,11 @@
-//! The Ceres problem of Eq. 9. C++ knows cameras, images, points and indices; no file, no prior, no config.
+//! Eq. 9 and its minimisation with Ceres. C++ knows cameras, images, points and indices; no file, no prior, no config.
 
 use crate::prior::ShapePrior;
 use std::sync::Arc;
 
 #[allow(clippy::missing_safety_doc)]
-#[cxx::bridge(namespace = "spba")]
+#[cxx::bridge(namespace = "spba::bridge")]
 pub mod ffi {
-    /// Sizes and weights of the whole problem.
-    struct ProblemOptions {
-        /// L.
-        frames: usize,
-        /// N.
-        points: usize,
-        /// S.
-        style: usize,
-        /// Weight of L_ph; the paper's is 1.
-        photometric_weight: f64,
-        /// δ1, in colour levels.
-        photometric_huber: f64,
-        /// λ1.
-        silhouette_weight: f64,
-        /// In pixels; 0 = none.
-        silhouette_cauchy: f64,
-        /// In pixels.
-        silhouette_tolerance: f64,
-        /// λ2.
-        inverse_depth_weight: f64,
-        /// δ2, in the off-the-shelf reconstruction's inverse units.
-        inverse_depth_huber: f64,
-        /// Weight of −log p(s) = ½‖s‖²; 0 leaves the term out.
-        style_weight: f64,
-        /// ‖s‖ from which that term rises steeply; 0 = nowhere.
-        style_reach: f64,
-        /// Of what Δp_l differs from Eq. 13's.
-        motion_weight: f64,
-        /// In object diagonals.
-        motion_cauchy: f64,
-        /// Every point projects as if it had the depth of the object's origin.
-        weak_perspective: bool,
-    }
-
     /// Intrinsics in pixels, top-left pixel centre at (0.5, 0.5).
     struct Camera {
         fx: f64,
@@ -48,69 +14,213 @@ pub mod ffi {
         cy: f64,
     }
 
-    /// A frame's silhouette, its distance transform on a padded grid, and the shares of it in use.
-    struct Silhouette<'a> {
-        /// Columns of the unpadded mask.
+    /// A frame's image at one pyramid level, and that level's camera.
+    struct LevelImage {
+        width: u32,
+        height: u32,
+        /// height × width × 3, in [0, 255].
+        rgb: Vec<f32>,
+        camera: Camera,
+    }
+
+    /// The distance transform of a mask, on a padded grid.
+    struct NearestPixels {
+        /// Columns of the mask itself.
         width: u32,
         padding: u32,
         grid_width: u32,
         grid_height: u32,
         /// Per cell of the padded grid: row-major index (in the mask) of the nearest silhouette pixel.
-        nearest: &'a [u32],
+        nearest: Vec<u32>,
         /// Row-major indices of the silhouette's boundary pixels.
-        boundary: &'a [u32],
+        boundary: Vec<u32>,
+    }
+
+    /// What one frame shows.
+    struct FrameFootage {
+        /// At full resolution, for silhouettes and depth.
+        camera: Camera,
+        /// Finest first.
+        levels: Vec<LevelImage>,
+        silhouette: NearestPixels,
+    }
+
+    /// Eq. 4.
+    struct PhotometricTerm {
+        weight: f64,
+        /// δ1, in colour levels.
+        huber_width: f64,
+    }
+
+    /// What one frame gives to Eq. 5.
+    struct SilhouetteShare {
         /// Row-major indices of U_l1's pixels in use, and what each counts.
-        pixels: &'a [u32],
+        pixels: Vec<u32>,
         pixel_weight: f64,
-        /// How many points of the prefix are in use for the other direction, and what each counts.
+        /// How many of the points are in use for the other direction, and what each counts.
         points: u32,
         point_weight: f64,
     }
 
-    /// Off-the-shelf inverse depth d' where a point is seen, to first order.
-    struct SeenDepth {
-        point: u32,
-        /// Centre of the pixel.
-        column: f64,
-        row: f64,
-        /// There.
-        inverse_depth: f64,
-        /// A pixel.
-        by_column: f64,
-        by_row: f64,
+    /// Eq. 5.
+    struct SilhouetteTerm {
+        /// λ1.
+        weight: f64,
+        /// In pixels; 0 = none.
+        cauchy_width: f64,
+        /// In pixels.
+        tolerance: f64,
+        /// One per frame.
+        frames: Vec<SilhouetteShare>,
     }
 
-    /// source_from_target of the off-the-shelf reconstruction, in its units; the rotation row-major.
-    struct InputMotion {
+    /// Eq. 6.
+    struct InverseDepthTerm {
+        /// λ2.
+        weight: f64,
+        /// δ2, in the off-the-shelf reconstruction's inverse units.
+        huber_width: f64,
+    }
+
+    /// −log p(s) = ½‖s‖².
+    struct StyleTerm {
+        weight: f64,
+        /// ‖s‖ from which the term rises steeply; 0 = nowhere.
+        reach: f64,
+    }
+
+    /// b_from_a of the off-the-shelf reconstruction, in its units; the rotation row-major.
+    struct KnownMotion {
+        a: u32,
+        b: u32,
         rotation: [f64; 9],
         translation: [f64; 3],
     }
 
+    /// What the cameras' motion differs from Eq. 13's.
+    struct MotionTerm {
+        weight: f64,
+        /// In object diagonals.
+        cauchy_width: f64,
+        motions: Vec<KnownMotion>,
+    }
+
+    /// What is known of the focal length beforehand.
+    struct FocalTerm {
+        /// Standard deviation of the logarithm of the factor that multiplies all focal lengths.
+        deviation: f64,
+    }
+
+    /// The terms of the objective; a weight of 0 (of the focal term: a deviation of 0) leaves one out.
+    struct Terms {
+        photometric: PhotometricTerm,
+        silhouette: SilhouetteTerm,
+        inverse_depth: InverseDepthTerm,
+        style: StyleTerm,
+        motion: MotionTerm,
+        focal: FocalTerm,
+        /// Every point projects as if it had the depth of the object's origin.
+        weak_perspective: bool,
+    }
+
+    /// Two frames that Eq. 4 compares, and what their share of it weighs.
+    struct FramePair {
+        a: u32,
+        b: u32,
+        weight: f64,
+    }
+
+    /// A point that is compared between the frames of a pair.
+    struct Comparison {
+        point: u32,
+        pair: u32,
+        /// In how many of Eq. 4's two sums: 1 or 2.
+        directions: u8,
+    }
+
+    /// Off-the-shelf inverse depth d' where a frame sees a point, to first order about a pixel's centre.
+    struct SeenDepth {
+        frame: u32,
+        point: u32,
+        column: f64,
+        row: f64,
+        /// d' at the pixel's centre.
+        inverse_depth: f64,
+        /// Derivative of d' by the column, per pixel.
+        by_column: f64,
+        /// Derivative of d' by the row, per pixel.
+        by_row: f64,
+    }
+
+    /// What is compared at some estimate.
+    struct VisibilityInput {
+        /// Pyramid level of the images.
+        level: u32,
+        pairs: Vec<FramePair>,
+        comparisons: Vec<Comparison>,
+        depths: Vec<SeenDepth>,
+    }
+
+    /// camera_from_object; the rotation row-major.
+    #[derive(Clone, Copy, Debug)]
+    struct Pose {
+        rotation: [f64; 9],
+        translation: [f64; 3],
+    }
+
+    /// Every unknown.
+    #[derive(Clone, Debug)]
+    struct Variables {
+        camera_from_object: Vec<Pose>,
+        style: Vec<f64>,
+        log_alpha: f64,
+        /// Of the factor that multiplies all focal lengths.
+        log_focal: f64,
+    }
+
+    /// How the poses move in one call.
+    #[derive(Clone, Copy, Debug)]
+    enum PoseMotion {
+        Held,
+        /// Each by itself.
+        Each,
+        /// Each but the target's: the paper's Δp_l.
+        Sources,
+        /// All as p0 moves them, every Δp_l held.
+        Together,
+    }
+
     /// Which variables move, by which of Ceres's minimisers, until when.
-    struct SolveOptions {
-        free_target: bool,
-        free_motion: bool,
+    struct MinimiseOptions {
+        poses: PoseMotion,
         free_style: bool,
         free_alpha: bool,
+        free_focal: bool,
+        target: u32,
+        /// A residual block each instead of the accumulated evaluation.
+        blocks: bool,
         /// L-BFGS instead of Levenberg–Marquardt.
         line_search: bool,
         lbfgs_rank: u32,
         interpolation: Interpolation,
         initial_trust_region_radius: f64,
-        /// Of Levenberg–Marquardt.
+        /// Of Levenberg–Marquardt over blocks.
         linear_solver: LinearSolver,
         max_iterations: u32,
-        function_tolerance: f64,
+        /// Stop once an iteration changes the objective by a smaller share.
+        tolerance: f64,
+        /// Of the accumulated evaluation.
+        threads: u32,
     }
 
-    /// Ceres's; the Schur solvers eliminate the motion and need all variables free.
+    /// Ceres's. The Schur solvers eliminate all poses but the target's: no two of these may share a residual.
     #[derive(Clone, Copy, Debug)]
     enum LinearSolver {
         DenseSchur,
         SparseSchur,
-        IterativeSchur,
         SparseNormalCholesky,
         DenseNormalCholesky,
+        IterativeSchur,
     }
 
     /// How L-BFGS's line search chooses its next trial.
@@ -121,21 +231,29 @@ pub mod ffi {
         Bisection,
     }
 
-    /// The terms of Eq. 9, weights included.
+    /// The objective by term, weights included.
     #[derive(Clone, Copy, Debug)]
-    struct Terms {
+    struct Costs {
         photometric: f64,
         silhouette: f64,
         inverse_depth: f64,
         style: f64,
         motion: f64,
+        focal: f64,
     }
 
-    /// One of Ceres's iterations, at the best state so far.
+    /// The objective and its derivatives by [ω_l; t_l] of each frame (a twist about the current pose), style, log α and log focal.
+    struct Derivatives {
+        gradient: Vec<f64>,
+        /// The Gauss–Newton matrix, row-major.
+        normal_matrix: Vec<f64>,
+    }
+
+    /// The state after one of Ceres's iterations; 0 is the start.
     struct Iteration {
         number: u32,
-        terms: Terms,
-        alpha: f64,
+        costs: Costs,
+        log_alpha: f64,
         gradient_norm: f64,
         residual_evaluations: u32,
         jacobian_evaluations: u32,
@@ -152,6 +270,12 @@ pub mod ffi {
 
     extern "Rust" {
         type PriorCallback;
+        /// N.
+        fn point_count(self: &PriorCallback) -> usize;
+        /// S.
+        fn style_count(self: &PriorCallback) -> usize;
+        /// Whether the Jacobian is the same at every style.
+        fn is_linear(self: &PriorCallback) -> bool;
         fn points(self: &PriorCallback, style: &[f64], points: &mut [f64]) -> Result<()>;
         fn jacobian(self: &PriorCallback, style: &[f64], jacobian: &mut [f64]) -> Result<()>;
 
@@ -163,64 +287,53 @@ pub mod ffi {
     }
 
     unsafe extern "C++" {
-        include!("problem.h");
+        include!("bridge/problem.h");
 
+        /// What the frames show; read-only, for any number of problems and threads.
+        type Footage;
+        /// Takes the images over.
+        fn new_footage(frames: Vec<FrameFootage>) -> Result<SharedPtr<Footage>>;
+
+        /// The terms over the frames and the prior.
         type Problem;
+        fn new_problem(
+            footage: SharedPtr<Footage>,
+            prior: Box<PriorCallback>,
+            terms: &Terms,
+        ) -> Result<UniquePtr<Problem>>;
 
-        fn new_problem(options: &ProblemOptions, prior: Box<PriorCallback>) -> Result<UniquePtr<Problem>>;
+        /// [`VisibilityInput`], sorted by point.
+        type Visibility;
+        fn new_visibility(problem: &Problem, input: &VisibilityInput) -> Result<UniquePtr<Visibility>>;
 
-        /// Frame `frame`'s camera at full resolution, for silhouettes and depth.
-        fn set_camera(self: Pin<&mut Problem>, frame: usize, camera: &Camera) -> Result<()>;
-        /// Its image at the current pyramid level: `rgb` is height × width × 3, and that level's camera.
-        fn set_image(
+        /// The objective; errs where a point is behind a camera.
+        fn evaluate(
             self: Pin<&mut Problem>,
-            frame: usize,
-            width: u32,
-            height: u32,
-            rgb: &[f32],
-            camera: &Camera,
-        ) -> Result<()>;
-        fn set_silhouette(self: Pin<&mut Problem>, frame: usize, silhouette: &Silhouette) -> Result<()>;
-        /// The points of Eq. 4 between the target frame and source frame `frame` ≥ 1, each with its count of
-        /// directions (1 or 2).
-        fn set_photometric(
+            variables: &Variables,
+            visibility: &Visibility,
+            threads: u32,
+        ) -> Result<Costs>;
+        fn differentiate(
             self: Pin<&mut Problem>,
-            frame: usize,
-            points: &[u32],
-            directions: &[u8],
-        ) -> Result<()>;
-        /// The points of Eq. 6 in `frame`, after its camera.
-        fn set_inverse_depth(self: Pin<&mut Problem>, frame: usize, seen: &[SeenDepth]) -> Result<()>;
-        /// What the term of the motion holds source frame `frame` ≥ 1 to.
-        fn set_motion(self: Pin<&mut Problem>, frame: usize, motion: &InputMotion) -> Result<()>;
-        fn set_alpha(self: Pin<&mut Problem>, alpha: f64) -> Result<()>;
-        fn alpha(self: &Problem) -> f64;
-        /// p0 (6), Δp_l (6 each), s (S).
-        fn set_variables(
+            variables: &Variables,
+            visibility: &Visibility,
+            threads: u32,
+        ) -> Result<Derivatives>;
+        /// The best state found, whatever stopped it.
+        fn minimise(
             self: Pin<&mut Problem>,
-            target_from_object: &[f64],
-            motion: &[f64],
-            style: &[f64],
-        ) -> Result<()>;
-        fn get_variables(
-            self: &Problem,
-            target_from_object: &mut [f64],
-            motion: &mut [f64],
-            style: &mut [f64],
-        ) -> Result<()>;
-
-        /// The objective at the variables; errs where a point is behind a camera.
-        fn evaluate(self: Pin<&mut Problem>) -> Result<Terms>;
-        /// ∂L/∂(p0, Δp_1 …, s, log α), 6 L + S + 1 entries.
-        fn gradient(self: Pin<&mut Problem>, gradient: &mut [f64]) -> Result<()>;
-        /// Leaves the best state found in the variables, whatever stopped it.
-        fn solve(
-            self: Pin<&mut Problem>,
-            options: &SolveOptions,
+            variables: &mut Variables,
+            visibility: &Visibility,
+            options: &MinimiseOptions,
             observer: &mut Observer<'_>,
         ) -> Result<Summary>;
     }
 }
+
+// SAFETY: footage is never changed after it was made, and holds no thread's own state.
+unsafe impl Send for ffi::Footage {}
+// SAFETY: as above.
+unsafe impl Sync for ffi::Footage {}
 
 /// How C++ asks for X(s) and ∂X/∂s.
 pub struct PriorCallback {
@@ -232,7 +345,19 @@ impl PriorCallback {
         Self { prior }
     }
 
-    fn points(self: &PriorCallback, style: &[f64], points: &mut [f64]) -> Result<(), String> {
+    fn point_count(&self) -> usize {
+        self.prior.point_count()
+    }
+
+    fn style_count(&self) -> usize {
+        self.prior.style_len()
+    }
+
+    fn is_linear(&self) -> bool {
+        self.prior.is_linear()
+    }
+
+    fn points(&self, style: &[f64], points: &mut [f64]) -> Result<(), String> {
         guarded("the shape prior", || self.prior.points(style, points))?;
         finite("the shape prior's points", points)
     }
@@ -242,7 +367,6 @@ impl PriorCallback {
         finite("the shape prior's Jacobian", jacobian)
     }
 }
-
 fn finite(what: &str, values: &[f64]) -> Result<(), String> {
     if values.iter().all(|v| v.is_finite()) {
         Ok(())

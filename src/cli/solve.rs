@@ -6,6 +6,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use spba_ceres::config::Config;
 use spba_ceres::init::{self, Initialisation};
+use spba_ceres::objective::Footage;
 #[cfg(feature = "vision")]
 use spba_ceres::prepare::Input;
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
@@ -175,25 +176,26 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let deviation = config.objective.motion_deviation.or(sequence.motion_deviation);
     config.objective.motion_deviation = Some(deviation.unwrap_or(0.0));
 
-    // A regressor sees the frames in their own order.
     let style = start_style(&sequence, &learned, &prior_info, &config.start.style)?;
     let target = config.input.target_of(sequence.frames.len())?;
-    sequence.bring_to_front(target);
-    let starts = starts(&sequence, &learned, &style, &config)?;
+    let starts = starts(&sequence, &learned, &style, target, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
     let watch = progress::Watch::start()?;
     let mut solution = solver::solve(
-        &sequence,
+        &Footage::new(&sequence, config.solver.levels)?,
         &prior,
+        target,
         &starts,
         &config.objective,
         &config.solver,
         &|row| watch.see(row),
     )?;
     watch.finish();
-    sequence.put_back(target);
-    solution.estimate.put_back(target);
+    // What follows sees the cameras that were found.
+    for frame in &mut sequence.frames {
+        frame.camera = solution.estimate.camera(&frame.camera);
+    }
     solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
     solution
         .seconds
@@ -281,11 +283,12 @@ fn starts(
     sequence: &Sequence,
     prior: &LearnedPrior,
     style: &[f64],
+    target: usize,
     config: &Config,
 ) -> anyhow::Result<Vec<Initialisation>> {
     let pose = &config.start.pose;
     if pose == "templates" {
-        return Ok(init::initialise(sequence, prior, style, &config.init)?);
+        return Ok(init::initialise(sequence, prior, style, target, &config.init)?);
     }
     let result = RunResult::load(Path::new(pose)).context("--init-pose")?;
     let of_frame = |frame: &Frame| {
@@ -308,6 +311,7 @@ fn starts(
         sequence,
         prior,
         style,
+        target,
         &cameras,
         alpha,
         &config.init,

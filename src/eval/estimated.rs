@@ -28,11 +28,11 @@ impl Estimated {
         let numbered = || sequence.frames.iter().enumerate();
         Self {
             frames: numbered()
-                .map(|(l, frame)| (frame.name.clone(), l, estimate.camera_from_object(l)))
+                .map(|(l, frame)| (frame.name.clone(), l, estimate.camera_from_object[l]))
                 .collect(),
             depth: numbered()
                 .map(|(l, frame)| {
-                    let pose = estimate.camera_from_object(l);
+                    let pose = estimate.camera_from_object[l];
                     Some(surface.render(&frame.camera, &pose, frame.image.size()).depth)
                 })
                 .collect(),

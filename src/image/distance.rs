@@ -70,8 +70,8 @@ impl NearestPixel {
 
     /// Row-major over the padded table: the nearest mask pixel of each cell's centre, as row · width + column
     /// of the *mask*.
-    pub fn indices(&self) -> &[u32] {
-        &self.indices
+    pub fn into_indices(self) -> Vec<u32> {
+        self.indices
     }
 
     /// The centre of the mask pixel nearest to the image point (`u`, `v`), anywhere in the plane.
@@ -231,14 +231,14 @@ mod tests {
             let mask = blob(seed);
             let table = NearestPixel::new(&mask).unwrap();
             let (width, height) = table.size();
-            assert_eq!(table.indices().len(), width * height);
+            assert_eq!(table.indices.len(), width * height);
             for row in 0..height {
                 for column in 0..width {
                     let (u, v) = (
                         column as f64 + 0.5 - table.padding() as f64,
                         row as f64 + 0.5 - table.padding() as f64,
                     );
-                    let index = table.indices()[row * width + column];
+                    let index = table.indices[row * width + column];
                     assert!(mask.data()[index as usize]);
                     assert_eq!(squared(table.centre(index), u, v), brute_force(&mask, u, v));
                 }

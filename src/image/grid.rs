@@ -62,6 +62,10 @@ impl<T> Grid<T> {
         &self.data
     }
 
+    pub fn into_data(self) -> Vec<T> {
+        self.data
+    }
+
     pub fn data_mut(&mut self) -> &mut [T] {
         &mut self.data
     }

@@ -1,12 +1,12 @@
 //! From a sequence and a prior to the solver's starting points (Sec. 2.4).
 
 use super::Estimate;
+use super::cameras_from_input;
 use super::hypotheses::{HypothesisOptions, PoseHypothesis, search};
-use super::motion_from_input;
 use super::placement::{Reconstruction, Scene, TargetDepth};
 use super::silhouette::Observation;
 use super::templates::Template;
-use crate::geometry::{Pose, RelativePose, Vector3};
+use crate::geometry::{Pose, Vector3};
 use crate::image::{DepthMap, halve_depth, halve_mask};
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
@@ -64,14 +64,16 @@ pub enum InitError {
         value: String,
         mend: &'static str,
     },
-    #[error("frame 0 `{name}`: no template fits the mask; check the mask and the focal length")]
-    NothingFits { name: String },
+    #[error("frame {frame} `{name}`: no template fits the mask; check the mask and the focal length")]
+    NothingFits { frame: usize, name: String },
+    #[error("the target is frame {target}, but there are {frames}; give 0 to {}", frames - 1)]
+    Target { target: usize, frames: usize },
 }
 
 /// Starting points for every variable, the most likely first (at most K of [`HypothesisOptions`]).
 ///
 /// `style` (S entries) gives the shape that is looked for: the prior's mean, or what a regressor makes of the
-/// frames. p0 comes from silhouettes. Where the off-the-shelf reconstruction holds the target and another frame,
+/// frames. `target` is the frame that p0 is the pose of, which comes from silhouettes. Where the off-the-shelf reconstruction holds the target and another frame,
 /// α comes from Eq. 11 (or, without depth, from where the masks' centroids meet), Δp_l from Eq. 13, and both are
 /// refined together with t0 so that all chosen frames' silhouettes agree in place and size, if that raises
 /// their mean IoU; a frame without a pose takes that of the nearest frame that has one. Without poses α is 1 and each
@@ -80,22 +82,18 @@ pub fn initialise(
     sequence: &Sequence,
     prior: &dyn ShapePrior,
     style: &[f64],
+    target: usize,
     options: &InitOptions,
 ) -> Result<Vec<Initialisation>, InitError> {
-    check(sequence, prior, style, options)?;
+    check(sequence, prior, style, target, options)?;
     let observations = observe(sequence)?;
-    let Some(target) = observations.first().cloned() else {
-        return Err(InitError::NoFrames {
-            sequence: sequence.name.clone(),
-        });
-    };
 
     let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];
     prior.points(style, &mut points);
     let surfels = Surfels::new(&points);
-    let input_poses = input_poses(&sequence.frames);
+    let input_poses = input_poses(&sequence.frames, target);
     let reconstruction = input_poses.as_ref().map(|poses| {
-        let chosen = spread(sequence.frames.len(), options.frames);
+        let chosen = chosen(sequence.frames.len(), target, options.frames);
         Reconstruction {
             camera_from_input: chosen.iter().map(|&frame| poses[frame]).collect(),
             sources: chosen
@@ -103,37 +101,36 @@ pub fn initialise(
                 .skip(1)
                 .map(|&frame| observations[frame].clone())
                 .collect(),
-            depth: sequence
-                .frames
-                .first()
-                .and_then(|frame| target_depth(frame, &points, &surfels)),
+            depth: target_depth(&sequence.frames[target], &points, &surfels),
         }
     });
     let scene = Scene {
         points: points.chunks_exact(3).map(Vector3::from_column_slice).collect(),
         spacing: surfels.spacing(),
-        target,
+        target: observations[target].clone(),
         reconstruction,
     };
 
     let candidates = search(&scene, &options.hypotheses);
     if candidates.is_empty() {
-        let name = sequence.frames[0].name.clone();
-        return Err(InitError::NothingFits { name });
+        return Err(InitError::NothingFits {
+            frame: target,
+            name: sequence.frames[target].name.clone(),
+        });
     }
     let starts = candidates.iter().map(|candidate| {
         let hypothesis = candidate.hypothesis();
         let alpha = candidate.placement.alpha.unwrap_or(1.0);
-        let motion = match &input_poses {
-            Some(poses) => motion_from_input(&hypothesis.target_from_object, poses, alpha),
-            None => motion_from_masks(&scene, &observations, &hypothesis.target_from_object),
+        let camera_from_object = match &input_poses {
+            Some(poses) => cameras_from_input(&hypothesis.target_from_object, target, poses, alpha),
+            None => cameras_from_masks(&scene, &observations, &hypothesis.target_from_object, target),
         };
         Initialisation {
             estimate: Estimate {
-                target_from_object: hypothesis.target_from_object,
-                motion,
+                camera_from_object,
                 style: style.to_vec(),
                 alpha,
+                focal_factor: 1.0,
             },
             hypothesis,
             mean_iou: candidate.placement.mean_iou,
@@ -147,11 +144,12 @@ pub fn initialise_at(
     sequence: &Sequence,
     prior: &dyn ShapePrior,
     style: &[f64],
+    target: usize,
     camera_from_object: &[Pose],
     alpha: f64,
     options: &InitOptions,
 ) -> Result<Initialisation, InitError> {
-    check(sequence, prior, style, options)?;
+    check(sequence, prior, style, target, options)?;
     if camera_from_object.len() != sequence.frames.len() {
         return Err(InitError::Poses {
             given: camera_from_object.len(),
@@ -167,18 +165,15 @@ pub fn initialise_at(
         .zip(camera_from_object)
         .map(|(frame, pose)| frame.render(&points, spacing, pose).iou(&frame.mask))
         .collect();
-    let target = camera_from_object[0];
+    let target_from_object = camera_from_object[target];
     Ok(Initialisation {
         estimate: Estimate {
-            target_from_object: target,
-            motion: camera_from_object[1..]
-                .iter()
-                .map(|pose| RelativePose::between(&target, pose))
-                .collect(),
+            camera_from_object: camera_from_object.to_vec(),
             style: style.to_vec(),
             alpha,
+            focal_factor: 1.0,
         },
-        hypothesis: Template::of(&target).hypothesis(target, ious[0]),
+        hypothesis: Template::of(&target_from_object).hypothesis(target_from_object, ious[target]),
         mean_iou: ious.iter().sum::<f64>() / ious.len() as f64,
     })
 }
@@ -187,6 +182,7 @@ fn check(
     sequence: &Sequence,
     prior: &dyn ShapePrior,
     style: &[f64],
+    target: usize,
     options: &InitOptions,
 ) -> Result<(), InitError> {
     let wrong = |field, value: String, mend| Err(InitError::Option { field, value, mend });
@@ -239,6 +235,10 @@ fn check(
             sequence: sequence.name.clone(),
         });
     }
+    let frames = sequence.frames.len();
+    if target >= frames {
+        return Err(InitError::Target { target, frames });
+    }
     Ok(())
 }
 
@@ -255,8 +255,8 @@ fn observe(sequence: &Sequence) -> Result<Vec<Observation>, InitError> {
 
 /// Every frame's R', t', gaps filled from the nearest frame that has one (the earlier on a tie); `None` unless the
 /// target and another frame have theirs.
-fn input_poses(frames: &[Frame]) -> Option<Vec<Pose>> {
-    frames.first()?.camera_from_input?;
+fn input_poses(frames: &[Frame], target: usize) -> Option<Vec<Pose>> {
+    frames[target].camera_from_input?;
     let known: Vec<(usize, Pose)> = frames
         .iter()
         .enumerate()
@@ -269,6 +269,15 @@ fn input_poses(frames: &[Frame]) -> Option<Vec<Pose>> {
     (0..frames.len())
         .map(|frame| nearest(frame).map(|(_, pose)| *pose))
         .collect()
+}
+
+/// At most `count` of 0..`total`: the target first, then others evenly spread.
+fn chosen(total: usize, target: usize, count: usize) -> Vec<usize> {
+    let target_first: Vec<usize> = std::iter::once(target)
+        .chain((0..total).filter(|&frame| frame != target))
+        .collect();
+    let places = spread(total, count).into_iter();
+    places.map(|place| target_first[place]).collect()
 }
 
 /// At most `count` of 0..`total`, evenly spread, the first and the last among them.
@@ -299,22 +308,25 @@ fn target_depth(frame: &Frame, points: &[f64], surfels: &Surfels) -> Option<Targ
 }
 
 /// Without off-the-shelf poses: the target's rotation everywhere, each frame placed by its own mask.
-fn motion_from_masks(
+fn cameras_from_masks(
     scene: &Scene,
     observations: &[Observation],
     target_from_object: &Pose,
-) -> Vec<RelativePose> {
-    let place = |frame: &Observation| {
+    target: usize,
+) -> Vec<Pose> {
+    let place = |(l, frame): (usize, &Observation)| {
+        if l == target {
+            return *target_from_object;
+        }
         let translation = scene
             .place_in(frame, &target_from_object.rotation)
             .unwrap_or(target_from_object.translation);
-        let source_from_object = Pose {
+        Pose {
             translation,
             ..*target_from_object
-        };
-        RelativePose::between(target_from_object, &source_from_object)
+        }
     };
-    observations.par_iter().skip(1).map(place).collect()
+    observations.par_iter().enumerate().map(place).collect()
 }
 
 #[cfg(test)]
@@ -348,12 +360,12 @@ mod tests {
     }
 
     fn start(sequence: &Sequence) -> Vec<Initialisation> {
-        initialise(sequence, &BoxCar::new(1200), &[0.0], &quick()).unwrap()
+        initialise(sequence, &BoxCar::new(1200), &[0.0], 0, &quick()).unwrap()
     }
 
     fn assert_close(found: &[Initialisation], truth: &[Pose], alpha: f64) {
         let angle = |start: &Initialisation| {
-            let rotation = start.estimate.target_from_object.rotation;
+            let rotation = start.estimate.camera_from_object[0].rotation;
             rotation.angle_to(&truth[0].rotation).to_degrees()
         };
         let best = found.iter().min_by(|a, b| angle(a).total_cmp(&angle(b))).unwrap();
@@ -364,7 +376,7 @@ mod tests {
             best.estimate.alpha
         );
         for (frame, pose) in truth.iter().enumerate() {
-            let offset = (best.estimate.camera_from_object(frame).translation - pose.translation).norm();
+            let offset = (best.estimate.camera_from_object[frame].translation - pose.translation).norm();
             assert!(offset < 0.1, "frame {frame}: {offset}");
         }
     }
@@ -383,8 +395,9 @@ mod tests {
         assert_close(&start(&sequence), &truth, 0.4);
         sequence.frames[3].camera_from_input = None;
         let found = start(&sequence);
-        assert_eq!(found[0].estimate.motion.len(), 8);
-        assert_eq!(found[0].estimate.motion[2], found[0].estimate.motion[1]);
+        let cameras = &found[0].estimate.camera_from_object;
+        assert_eq!(cameras.len(), 9);
+        assert_eq!(cameras[3], cameras[2]);
     }
 
     #[test]
@@ -398,7 +411,8 @@ mod tests {
         let found = start(&sequence);
         assert_eq!(found[0].estimate.alpha, 1.0);
         for start in &found[..2] {
-            let moved = start.estimate.motion[0].0.translation;
+            let cameras = &start.estimate.camera_from_object;
+            let moved = cameras[1].translation - cameras[0].translation;
             assert!((moved - Vector3::new(0.3, -0.1, 0.4)).norm() < 0.08, "{moved}");
         }
     }
@@ -413,16 +427,16 @@ mod tests {
     fn bad_input_is_named() {
         let mut sequence = sequence(&turntable(2, 15.0), 2.0);
         let car = BoxCar::new(400);
-        let style = initialise(&sequence, &car, &[], &quick());
+        let style = initialise(&sequence, &car, &[], 0, &quick());
         assert_eq!(style, Err(InitError::StyleLength { given: 0, wanted: 1 }));
         let mut options = quick();
         options.hypotheses.grid.azimuth_step_deg = f64::NAN;
-        let message = initialise(&sequence, &car, &[0.0], &options)
+        let message = initialise(&sequence, &car, &[0.0], 0, &options)
             .unwrap_err()
             .to_string();
         assert_eq!(message, "init option `azimuth_step_deg` is NaN; give 1 to 180");
         sequence.frames[1].mask.data_mut().fill(false);
-        let message = initialise(&sequence, &car, &[0.0], &quick())
+        let message = initialise(&sequence, &car, &[0.0], 0, &quick())
             .unwrap_err()
             .to_string();
         assert!(
@@ -430,8 +444,36 @@ mod tests {
             "{message}"
         );
         sequence.frames.clear();
-        let none = initialise(&sequence, &car, &[0.0], &quick());
+        let none = initialise(&sequence, &car, &[0.0], 0, &quick());
         assert!(matches!(none, Err(InitError::NoFrames { .. })));
+    }
+
+    /// Whichever frame is the target, the same cameras are found.
+    #[test]
+    fn any_frame_may_be_the_target() {
+        let truth = turntable(7, 10.0);
+        let sequence = sequence(&truth, 0.4);
+        let target = 3;
+        let found = initialise(&sequence, &BoxCar::new(1200), &[0.0], target, &quick()).unwrap();
+        let angle = |start: &Initialisation| {
+            let rotation = start.estimate.camera_from_object[target].rotation;
+            rotation.angle_to(&truth[target].rotation).to_degrees()
+        };
+        let best = found.iter().min_by(|a, b| angle(a).total_cmp(&angle(b))).unwrap();
+        assert!(angle(best) < 10.0, "{}", angle(best));
+        for (camera, pose) in best.estimate.camera_from_object.iter().zip(&truth) {
+            assert!((camera.translation - pose.translation).norm() < 0.1);
+        }
+        let message = initialise(&sequence, &BoxCar::new(400), &[0.0], 7, &quick())
+            .unwrap_err()
+            .to_string();
+        assert_eq!(message, "the target is frame 7, but there are 7; give 0 to 6");
+    }
+
+    #[test]
+    fn the_target_is_chosen_first() {
+        assert_eq!(chosen(16, 5, 4), [5, 4, 10, 15]);
+        assert_eq!(chosen(3, 1, 8), [1, 0, 2]);
     }
 
     #[test]

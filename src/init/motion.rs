@@ -2,22 +2,21 @@
 
 use crate::geometry::{Pose, RelativePose};
 
-/// Δp_l for l = 1..L−1 from the target's pose p0, the off-the-shelf poses (`camera_from_input`, one per frame, the
-/// target's first) and α:
+/// Every frame's `camera_from_object` from that of frame `target`, the off-the-shelf poses (`camera_from_input`, one per
+/// frame) and α:
 ///
 /// Δω_l: R'_l R'_0ᵀ, Δt_l = R'_l R'_0ᵀ t0 + α (t'_l − R'_l R'_0ᵀ t'_0) − t0.
 ///
 /// Eq. 13 as printed lacks the −t0 that its own composition rule (Eq. 3) asks for.
-pub fn motion_from_input(
+pub fn cameras_from_input(
     target_from_object: &Pose,
+    target: usize,
     camera_from_input: &[Pose],
     alpha: f64,
-) -> Vec<RelativePose> {
-    let Some((target_from_input, sources)) = camera_from_input.split_first() else {
-        return Vec::new();
-    };
-    let sources = sources.iter().map(|source_from_input| {
-        let source_from_target = source_from_input.after(&target_from_input.inverse());
+) -> Vec<Pose> {
+    let input_from_target = camera_from_input[target].inverse();
+    let motion = |source_from_input: &Pose| {
+        let source_from_target = source_from_input.after(&input_from_target);
         let target_translation = target_from_object.translation;
         RelativePose(Pose {
             rotation: source_from_target.rotation,
@@ -25,8 +24,18 @@ pub fn motion_from_input(
                 + alpha * source_from_target.translation
                 - target_translation,
         })
-    });
-    sources.collect()
+    };
+    let cameras = camera_from_input
+        .iter()
+        .enumerate()
+        .map(|(l, source_from_input)| {
+            if l == target {
+                *target_from_object
+            } else {
+                motion(source_from_input).compose(target_from_object)
+            }
+        });
+    cameras.collect()
 }
 
 #[cfg(test)]
@@ -53,17 +62,16 @@ mod tests {
                 translation: Vector3::new(0.0, 0.0, 4.0),
             },
         ];
-        let motion = motion_from_input(&target_from_object, &input, 0.5);
-        let source = motion[0].compose(&target_from_object);
+        let source = cameras_from_input(&target_from_object, 0, &input, 0.5)[1];
         assert!((source.translation - Vector3::new(0.0, 0.0, 2.0)).norm() < 1e-12);
         assert!((source.rotation.matrix() - quarter.matrix()).norm() < 1e-12);
         // The translation does not move at all: that is what −t0 is for.
-        assert!(motion[0].0.translation.norm() < 1e-12);
-    }
-
-    #[test]
-    fn one_frame_has_no_motion() {
-        assert!(motion_from_input(&Pose::identity(), &[Pose::identity()], 1.0).is_empty());
-        assert!(motion_from_input(&Pose::identity(), &[], 1.0).is_empty());
+        let motion = RelativePose::between(&target_from_object, &source);
+        assert!(motion.0.translation.norm() < 1e-12);
+        // And back, from the source as the target.
+        let back = cameras_from_input(&source, 1, &input, 0.5);
+        assert!((back[0].translation - target_from_object.translation).norm() < 1e-12);
+        assert!((back[0].rotation.matrix() - target_from_object.rotation.matrix()).norm() < 1e-12);
+        assert_eq!(back[1], source);
     }
 }

@@ -1,7 +1,7 @@
 //! Where a template has to stand: the translation (and with off-the-shelf poses α) that makes its silhouettes
 //! agree with the masks in place and size.
 
-use super::motion_from_input;
+use super::cameras_from_input;
 use super::scale::scale_from_inverse_depth;
 use super::silhouette::Observation;
 use crate::geometry::{Matrix4, Pinhole, Pose, Rotation3, Vector2, Vector3, Vector4};
@@ -136,11 +136,10 @@ impl Scene {
         let target_iou = iou(&self.target, &target_from_object);
         let mean_iou = match (&self.reconstruction, alpha) {
             (Some(reconstruction), Some(alpha)) => {
-                let motion = motion_from_input(&target_from_object, &reconstruction.camera_from_input, alpha);
-                let sources = motion.iter().zip(&reconstruction.sources);
-                let sum: f64 = sources
-                    .map(|(relative, frame)| iou(frame, &relative.compose(&target_from_object)))
-                    .sum();
+                let poses =
+                    cameras_from_input(&target_from_object, 0, &reconstruction.camera_from_input, alpha);
+                let sources = poses[1..].iter().zip(&reconstruction.sources);
+                let sum: f64 = sources.map(|(pose, frame)| iou(frame, pose)).sum();
                 (target_iou + sum) / (reconstruction.sources.len() + 1) as f64
             }
             _ => target_iou,
@@ -167,11 +166,7 @@ impl Scene {
     /// in the mean.
     fn fit_all_frames(&self, (target_from_object, alpha): (Pose, f64)) -> Option<(Pose, f64)> {
         let reconstruction = self.reconstruction.as_ref()?;
-        let motion = motion_from_input(&target_from_object, &reconstruction.camera_from_input, alpha);
-        let sources = motion
-            .iter()
-            .map(|relative| relative.compose(&target_from_object));
-        let poses: Vec<Pose> = std::iter::once(target_from_object).chain(sources).collect();
+        let poses = cameras_from_input(&target_from_object, 0, &reconstruction.camera_from_input, alpha);
         let (mut goals, mut log_ratio) = (Vec::with_capacity(poses.len()), 0.0);
         for (frame, pose) in self.frames().zip(&poses) {
             let rendered = frame.render(&self.points, self.spacing, pose);

@@ -1,7 +1,8 @@
 //! One Ceres call: which variables move, how, and until when.
 
+use super::{Objective, Pairs};
 use crate::bridge::ceres::ffi;
-use crate::solver::{Evaluations, Interpolation, LinearSolver, Minimiser, ObjectiveValue};
+use crate::solver::{Evaluation, Evaluations, Interpolation, LinearSolver, Minimiser, ObjectiveValue};
 
 /// The variables that a call moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,14 +35,15 @@ pub struct Call {
     /// Whether α of Eq. 6 moves too.
     pub free_alpha: bool,
     pub minimiser: Minimiser,
+    pub evaluation: Evaluation,
     pub max_iterations: u32,
     /// Stop once an iteration lowers the objective by a smaller share.
     pub tolerance: f64,
 }
 
 impl Call {
-    pub(super) fn options(&self) -> ffi::SolveOptions {
-        let free = |block| self.block == Block::All || self.block == block;
+    pub(super) fn options(&self, objective: &Objective) -> ffi::MinimiseOptions {
+        let all = self.block == Block::All;
         let (radius, linear_solver) = match self.minimiser {
             Minimiser::Lm {
                 initial_trust_region_radius,
@@ -53,11 +55,19 @@ impl Call {
             Minimiser::Lm { .. } => (false, 0, Interpolation::Cubic),
             Minimiser::Lbfgs { rank, interpolation } => (true, rank, interpolation),
         };
-        ffi::SolveOptions {
-            free_target: free(Block::Target),
-            free_motion: free(Block::Motion),
-            free_style: free(Block::Style),
+        let star = all && objective.options.pairs == Pairs::Star;
+        ffi::MinimiseOptions {
+            poses: match self.block {
+                Block::All => ffi::PoseMotion::Each,
+                Block::Target => ffi::PoseMotion::Together,
+                Block::Motion => ffi::PoseMotion::Sources,
+                Block::Style => ffi::PoseMotion::Held,
+            },
+            free_style: all || self.block == Block::Style,
             free_alpha: self.free_alpha,
+            free_focal: all && objective.options.focal_deviation > 0.0,
+            target: objective.target as u32,
+            blocks: self.evaluation == Evaluation::Blocks,
             line_search,
             lbfgs_rank,
             interpolation: match interpolation {
@@ -66,19 +76,19 @@ impl Call {
                 Interpolation::Bisection => ffi::Interpolation::Bisection,
             },
             initial_trust_region_radius: radius,
-            linear_solver: match (linear_solver, self.block) {
-                (LinearSolver::Auto, Block::All) | (LinearSolver::DenseSchur, _) => {
-                    ffi::LinearSolver::DenseSchur
-                }
-                (LinearSolver::Auto, _) | (LinearSolver::SparseNormalCholesky, _) => {
+            linear_solver: match linear_solver {
+                LinearSolver::Auto if star => ffi::LinearSolver::DenseSchur,
+                LinearSolver::Auto | LinearSolver::SparseNormalCholesky => {
                     ffi::LinearSolver::SparseNormalCholesky
                 }
-                (LinearSolver::SparseSchur, _) => ffi::LinearSolver::SparseSchur,
-                (LinearSolver::IterativeSchur, _) => ffi::LinearSolver::IterativeSchur,
-                (LinearSolver::DenseNormalCholesky, _) => ffi::LinearSolver::DenseNormalCholesky,
+                LinearSolver::DenseSchur => ffi::LinearSolver::DenseSchur,
+                LinearSolver::SparseSchur => ffi::LinearSolver::SparseSchur,
+                LinearSolver::IterativeSchur => ffi::LinearSolver::IterativeSchur,
+                LinearSolver::DenseNormalCholesky => ffi::LinearSolver::DenseNormalCholesky,
             },
             max_iterations: self.max_iterations,
-            function_tolerance: self.tolerance,
+            tolerance: self.tolerance,
+            threads: objective.threads as u32,
         }
     }
 }
@@ -109,8 +119,8 @@ impl Iteration {
     pub(super) fn new(iteration: &ffi::Iteration, input_unit: f64) -> Self {
         Self {
             number: iteration.number as usize,
-            objective: iteration.terms.into(),
-            alpha: iteration.alpha * input_unit,
+            objective: iteration.costs.into(),
+            alpha: iteration.log_alpha.exp() * input_unit,
             gradient_norm: iteration.gradient_norm,
             evaluations: Evaluations {
                 residual: iteration.residual_evaluations as usize,
@@ -133,15 +143,21 @@ impl From<ffi::Summary> for CallOutcome {
     }
 }
 
-impl From<ffi::Terms> for ObjectiveValue {
-    fn from(terms: ffi::Terms) -> Self {
+impl From<ffi::Costs> for ObjectiveValue {
+    fn from(costs: ffi::Costs) -> Self {
         Self {
-            total: terms.photometric + terms.silhouette + terms.inverse_depth + terms.style + terms.motion,
-            photometric: terms.photometric,
-            silhouette: terms.silhouette,
-            inverse_depth: terms.inverse_depth,
-            style: terms.style,
-            motion: terms.motion,
+            total: costs.photometric
+                + costs.silhouette
+                + costs.inverse_depth
+                + costs.style
+                + costs.motion
+                + costs.focal,
+            photometric: costs.photometric,
+            silhouette: costs.silhouette,
+            inverse_depth: costs.inverse_depth,
+            style: costs.style,
+            motion: costs.motion,
+            focal: costs.focal,
         }
     }
 }

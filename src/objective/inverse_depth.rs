@@ -16,8 +16,8 @@ const SAME_SURFACE: f64 = 0.05;
 const LONE_REACH: isize = 4;
 
 /// d' where the visible points of `frame` are seen, in units in which α is about 1: where it is known, inside the
-/// mask only.
-pub(super) fn seen(visible: &Visibility, frame: &Frame, input_unit: f64) -> Vec<SeenDepth> {
+/// mask only. `index` is the frame's.
+pub(super) fn seen(index: usize, visible: &Visibility, frame: &Frame, input_unit: f64) -> Vec<SeenDepth> {
     let on_point = visible.points.iter().filter_map(|point| {
         let pixel = (point.pixel.0 as usize, point.pixel.1 as usize);
         let inverse_depth = known(frame, pixel)?;
@@ -28,6 +28,7 @@ pub(super) fn seen(visible: &Visibility, frame: &Frame, input_unit: f64) -> Vec<
         .map(|(point, pixel, inverse_depth)| {
             let [by_column, by_row] = slope(frame, pixel, inverse_depth);
             SeenDepth {
+                frame: index as u32,
                 point,
                 column: pixel.0 as f64 + 0.5,
                 row: pixel.1 as f64 + 0.5,
@@ -170,7 +171,7 @@ mod tests {
         };
         let points = at(&[(0, 0), (4, 1), (6, 5), (7, 7)]);
         let places = |frame: &Frame| -> Vec<(u32, f64, f64)> {
-            let seen = seen(&points, frame, 1.0);
+            let seen = seen(0, &points, frame, 1.0);
             seen.iter().map(|d| (d.point, d.column, d.row)).collect()
         };
         let lone = frame(|column, row| {

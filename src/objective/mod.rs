@@ -1,26 +1,27 @@
 //! The terms of Eq. 9: which points, pixels and weights go into the problem.
 
 mod call;
+mod footage;
 mod inverse_depth;
 mod options;
 mod silhouette;
 #[cfg(test)]
 mod tests;
+mod threads;
 
 pub use call::{Block, Call, CallOutcome, Iteration};
-pub use options::ObjectiveOptions;
+pub use footage::Footage;
 use options::{MOTION_CAUCHY, MOTION_WEIGHT, limit};
+pub use options::{ObjectiveOptions, Pairs};
 
 use crate::bridge::ceres::{Observer, PriorCallback, ffi};
-use crate::geometry::{Pinhole, Pose, RelativePose, Vector3};
-use crate::image::{RgbImage, pyramid};
+use crate::geometry::{Matrix3, Pinhole, Pose, Rotation3, Vector3};
 use crate::init::Estimate;
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
 use crate::solver::ObjectiveValue;
-use crate::visibility::{Surfels, Visibility, visible_points};
+use crate::visibility::{Surfels, Visibility as Seen, visible_points};
 use cxx::UniquePtr;
-use nalgebra::Vector6;
 use std::sync::Arc;
 
 /// Why the objective could not be built or evaluated.
@@ -37,279 +38,327 @@ pub enum ObjectiveError {
         frames: usize,
         styles: usize,
     },
+    #[error("the target is frame {target}, but there are {frames}")]
+    Target { target: usize, frames: usize },
     #[error("the solver cannot go on: {0}")]
     Ceres(#[from] cxx::Exception),
 }
 
-/// L of Eq. 9 over a sequence: the Ceres problem and the current estimate in it.
-///
-/// Visibility is an input of one solver call; [`Objective::update_visibility`] renews it between calls.
+/// L of Eq. 9 over a sequence. It holds no estimate and no visibility: both are inputs of every evaluation.
 pub struct Objective<'a> {
     problem: UniquePtr<ffi::Problem>,
     sequence: &'a Sequence,
     prior: Arc<dyn ShapePrior>,
     options: ObjectiveOptions,
-    /// Per frame, finest first.
-    pyramids: Vec<Vec<RgbImage>>,
+    target: usize,
+    threads: usize,
+    /// The frames that Eq. 4 compares.
+    pairs: Vec<(usize, usize)>,
     /// α at construction: inverse depths are compared in units in which α starts at 1, so that λ2 and δ2 mean
     /// the same whatever the unit of the off-the-shelf reconstruction.
     input_unit: f64,
 }
 
+/// Which points and pixels Eq. 4 and 6 compare, found at one estimate, and the pyramid level of their colours.
+pub struct Visibility {
+    input: UniquePtr<ffi::Visibility>,
+}
+
 impl<'a> Objective<'a> {
-    /// The objective at `estimate`, its images at the finest of `levels` pyramid levels.
+    /// The objective over the frames of `footage`, of which `target` is the paper's target frame. `start` is where the solver
+    /// begins: its α is the unit in which inverse depths are compared. `threads` change no byte of any result.
     ///
     /// # Errors
-    /// Options out of range, an empty mask, an estimate that does not fit the sequence and the prior.
+    /// Options out of range, an estimate that does not fit the sequence and the prior, no such target.
     pub fn new(
-        sequence: &'a Sequence,
+        footage: &Footage<'a>,
         prior: Arc<dyn ShapePrior>,
         options: &ObjectiveOptions,
-        levels: usize,
-        estimate: &Estimate,
+        target: usize,
+        start: &Estimate,
+        threads: usize,
     ) -> Result<Self, ObjectiveError> {
         options
             .check()
             .map_err(|(name, why)| ObjectiveError::Option(name, why))?;
+        let sequence = footage.sequence();
         let frames = sequence.frames.len();
-        if estimate.frame_count() != frames || estimate.style.len() != prior.style_len() {
+        if start.frame_count() != frames || start.style.len() != prior.style_len() {
             return Err(ObjectiveError::Shape {
-                estimate: estimate.frame_count(),
-                style: estimate.style.len(),
+                estimate: start.frame_count(),
+                style: start.style.len(),
                 frames,
                 styles: prior.style_len(),
             });
         }
-        let points = limit(options.points, prior.point_count());
-        let held = options
-            .motion_deviation
-            .or(sequence.motion_deviation)
-            .filter(|&deviation| deviation > 0.0);
-        let unit_px = silhouette::unit_px(&sequence.frames, options.silhouette_size);
+        if target >= frames {
+            return Err(ObjectiveError::Target { target, frames });
+        }
+        let options = ObjectiveOptions {
+            points: limit(options.points, prior.point_count()),
+            ..options.clone()
+        };
         let problem = ffi::new_problem(
-            &ffi::ProblemOptions {
-                frames,
-                points: prior.point_count(),
-                style: prior.style_len(),
-                photometric_weight: options.photometric_weight_a_frame(frames) * options.point_weight,
-                photometric_huber: options.photometric_huber,
-                silhouette_weight: options.silhouette_weight / (unit_px * unit_px),
-                silhouette_cauchy: options.silhouette_cauchy * unit_px,
-                silhouette_tolerance: options.silhouette_tolerance * unit_px,
-                inverse_depth_weight: options.inverse_depth_weight * options.point_weight,
-                inverse_depth_huber: options.inverse_depth_huber,
-                style_weight: options.style_weight,
-                style_reach: options.style_reach * (prior.style_len() as f64).sqrt(),
-                motion_weight: held.map_or(0.0, |deviation| MOTION_WEIGHT / deviation.powi(2)),
-                motion_cauchy: MOTION_CAUCHY * held.unwrap_or(1.0),
-                weak_perspective: options.weak_perspective,
-            },
+            footage.shared.clone(),
+            // All points: those of a denser shape leave fewer pixels without one.
             Box::new(PriorCallback::new(prior.clone())),
+            &terms(sequence, &options, prior.style_len(), target, start.alpha),
         )?;
-        let mut objective = Self {
+        Ok(Self {
             problem,
             sequence,
             prior,
-            options: ObjectiveOptions {
-                points,
-                ..options.clone()
-            },
-            pyramids: sequence
-                .frames
-                .iter()
-                .map(|f| pyramid(f.image.clone(), levels))
-                .collect(),
-            input_unit: estimate.alpha,
-        };
-        for (l, frame) in sequence.frames.iter().enumerate() {
-            objective
-                .problem
-                .pin_mut()
-                .set_camera(l, &camera(&frame.camera))?;
-            if options.silhouette_weight > 0.0 {
-                silhouette::add(objective.problem.pin_mut(), l, frame, &objective.options)?;
-            }
-        }
-        if held.is_some() {
-            objective.hold_motion()?;
-        }
-        objective.set_level(0)?;
-        objective.set_estimate(estimate)?;
-        objective.update_visibility()?;
-        Ok(objective)
-    }
-
-    /// Source frames with off-the-shelf poses, to those relative to the target's.
-    fn hold_motion(&mut self) -> Result<(), ObjectiveError> {
-        let mut frames = self.sequence.frames.iter().enumerate();
-        let Some(target_from_input) = frames.next().and_then(|(_, frame)| frame.camera_from_input) else {
-            return Ok(());
-        };
-        for (l, source_from_input) in frames.filter_map(|(l, frame)| Some((l, frame.camera_from_input?))) {
-            let source_from_target = source_from_input.after(&target_from_input.inverse());
-            let mut motion = ffi::InputMotion {
-                rotation: [0.0; 9],
-                translation: (self.input_unit * source_from_target.translation).into(),
-            };
-            motion
-                .rotation
-                .copy_from_slice(source_from_target.rotation.matrix().transpose().as_slice());
-            self.problem.pin_mut().set_motion(l, &motion)?;
-        }
-        Ok(())
-    }
-
-    /// Samples the images at pyramid level `level` (0 = finest) from now on.
-    pub fn set_level(&mut self, level: usize) -> Result<(), ObjectiveError> {
-        for (l, frame) in self.sequence.frames.iter().enumerate() {
-            let Some(image) = self.pyramids[l].get(level) else {
-                continue;
-            };
-            let scale = 0.5f64.powi(level as i32);
-            self.problem.pin_mut().set_image(
-                l,
-                image.width() as u32,
-                image.height() as u32,
-                image.data().as_flattened(),
-                &camera(&frame.camera.scaled(scale, scale)),
-            )?;
-        }
-        Ok(())
-    }
-
-    /// Moves to `estimate`; visibility stays as it was.
-    pub fn set_estimate(&mut self, estimate: &Estimate) -> Result<(), ObjectiveError> {
-        let motion: Vec<f64> = estimate
-            .motion
-            .iter()
-            .flat_map(|m| m.0.to_twist().iter().copied().collect::<Vec<_>>())
-            .collect();
-        self.problem.pin_mut().set_variables(
-            estimate.target_from_object.to_twist().as_slice(),
-            &motion,
-            &estimate.style,
-        )?;
-        self.set_alpha(estimate.alpha)
-    }
-
-    /// Where the solver stands.
-    pub fn estimate(&self) -> Result<Estimate, ObjectiveError> {
-        let mut target = [0.0; 6];
-        let mut motion = vec![0.0; 6 * (self.sequence.frames.len() - 1)];
-        let mut style = vec![0.0; self.prior.style_len()];
-        self.problem.get_variables(&mut target, &mut motion, &mut style)?;
-        Ok(Estimate {
-            target_from_object: Pose::from_twist(&Vector6::from(target)),
-            motion: motion
-                .chunks_exact(6)
-                .map(|twist| RelativePose(Pose::from_twist(&Vector6::from_column_slice(twist))))
-                .collect(),
-            style,
-            alpha: self.problem.alpha() * self.input_unit,
+            pairs: options.pairs.of(frames, target),
+            options,
+            target,
+            threads,
+            input_unit: start.alpha,
         })
     }
 
-    /// α of Eq. 6, x_cam = α x'_cam.
-    pub fn set_alpha(&mut self, alpha: f64) -> Result<(), ObjectiveError> {
-        Ok(self.problem.pin_mut().set_alpha(alpha / self.input_unit)?)
-    }
-
-    /// X(s) at the current style: xyz after xyz, object frame.
-    pub fn points(&self) -> Result<Vec<f64>, ObjectiveError> {
+    /// X(s) of the points that Eq. 4, 6 and the second sum of Eq. 5 use: xyz after xyz, object frame.
+    pub fn points(&self, estimate: &Estimate) -> Vec<f64> {
         let mut points = vec![0.0; 3 * self.options.points];
-        self.prior.points(&self.estimate()?.style, &mut points);
-        Ok(points)
+        self.prior.points(&estimate.style, &mut points);
+        points
     }
 
-    /// Renews which points and pixels Eq. 4 and 6 compare, from the current estimate.
-    pub fn update_visibility(&mut self) -> Result<(), ObjectiveError> {
-        let estimate = self.estimate()?;
-        let points = self.points()?;
+    /// Which points and pixels Eq. 4 and 6 compare at `estimate`, with colours of pyramid level `level` (0 = finest).
+    ///
+    /// # Errors
+    /// No such level.
+    pub fn visibility(&self, estimate: &Estimate, level: usize) -> Result<Visibility, ObjectiveError> {
+        let points = self.points(estimate);
         let surfels = Surfels::new(&points);
-        let poses: Vec<Pose> = (0..estimate.frame_count())
-            .map(|l| estimate.camera_from_object(l))
-            .collect();
-        let visible: Vec<Visibility> = self
-            .sequence
-            .frames
-            .iter()
-            .zip(&poses)
-            .map(|(frame, pose)| {
-                visible_points(&points, &frame.camera, pose, frame.image.size(), Some(&surfels))
-            })
-            .collect();
-        let inside: Vec<Vec<bool>> = self
-            .sequence
-            .frames
-            .iter()
-            .zip(&poses)
-            .map(|(frame, pose)| inside_mask(&points, frame, pose))
-            .collect();
-
-        for (l, frame) in self.sequence.frames.iter().enumerate() {
-            if l > 0 && self.options.photometric_weight > 0.0 {
-                let (indices, directions) = photometric_points(
-                    [&visible[0], &visible[l]],
-                    [&inside[0], &inside[l]],
+        let frames = &self.sequence.frames;
+        let photometric = self.options.photometric_weight > 0.0;
+        let input_unit = self.input_unit;
+        let seen = threads::map(frames.len(), self.threads, |l| {
+            let (frame, pose) = (&frames[l], &estimate.camera_from_object[l]);
+            let camera = estimate.camera(&frame.camera);
+            let seen = visible_points(&points, &camera, pose, frame.image.size(), Some(&surfels));
+            let inside = if photometric {
+                inside_mask(&points, frame, &camera, pose)
+            } else {
+                Vec::new()
+            };
+            let depths = inverse_depth::seen(l, &seen, frame, input_unit);
+            (seen, inside, depths)
+        });
+        let mut input = ffi::VisibilityInput {
+            level: level as u32,
+            pairs: Vec::new(),
+            comparisons: Vec::new(),
+            depths: Vec::new(),
+        };
+        if photometric {
+            let weight = 1.0 / self.pairs.len().max(1) as f64;
+            for (pair, &(a, b)) in (0u32..).zip(&self.pairs) {
+                input.pairs.push(ffi::FramePair {
+                    a: a as u32,
+                    b: b as u32,
+                    weight,
+                });
+                let compared = photometric_points(
+                    [&seen[a].0, &seen[b].0],
+                    [&seen[a].1, &seen[b].1],
                     self.options.covisible,
                 );
-                self.problem.pin_mut().set_photometric(l, &indices, &directions)?;
+                input
+                    .comparisons
+                    .extend(compared.map(|(point, directions)| ffi::Comparison {
+                        point,
+                        pair,
+                        directions,
+                    }));
             }
-            let seen = inverse_depth::seen(&visible[l], frame, self.input_unit);
-            self.problem.pin_mut().set_inverse_depth(l, &seen)?;
         }
-        Ok(())
+        for (_, _, depths) in seen {
+            input.depths.extend(depths);
+        }
+        Ok(Visibility {
+            input: ffi::new_visibility(&self.problem, &input)?,
+        })
     }
 
-    /// L and its terms at the current estimate.
-    pub fn evaluate(&mut self) -> Result<ObjectiveValue, ObjectiveError> {
-        Ok(self.problem.pin_mut().evaluate()?.into())
+    /// L and its terms.
+    ///
+    /// # Errors
+    /// A point of the shape behind a camera, or a failing prior.
+    pub fn evaluate(
+        &mut self,
+        estimate: &Estimate,
+        visibility: &Visibility,
+    ) -> Result<ObjectiveValue, ObjectiveError> {
+        let variables = self.variables(estimate);
+        let threads = self.threads as u32;
+        let costs = self
+            .problem
+            .pin_mut()
+            .evaluate(&variables, &visibility.input, threads)?;
+        Ok(costs.into())
     }
 
-    /// ∂L/∂(p0, Δp_1, …, Δp_{L−1}, s, log α): 6 L + S + 1 entries.
-    pub fn gradient(&mut self) -> Result<Vec<f64>, ObjectiveError> {
-        let mut gradient = vec![0.0; 6 * self.sequence.frames.len() + self.prior.style_len() + 1];
-        self.problem.pin_mut().gradient(&mut gradient)?;
-        Ok(gradient)
+    /// The gradient, and the Gauss–Newton matrix row by row, over [ω_l; t_l] for each frame (a twist about the current pose),
+    /// s, log α and the logarithm of the focal factor: 6 L + S + 2 entries and their square.
+    ///
+    /// # Errors
+    /// As [`Objective::evaluate`].
+    pub fn differentiate(
+        &mut self,
+        estimate: &Estimate,
+        visibility: &Visibility,
+    ) -> Result<(Vec<f64>, Vec<f64>), ObjectiveError> {
+        let variables = self.variables(estimate);
+        let threads = self.threads as u32;
+        let found = self
+            .problem
+            .pin_mut()
+            .differentiate(&variables, &visibility.input, threads)?;
+        Ok((found.gradient, found.normal_matrix))
     }
 
-    /// One Ceres call; the observer sees every iteration and stops it by returning false. The best state found
-    /// is kept, whatever ended the call.
+    /// One Ceres call from `estimate`, which becomes the best state found, whatever ended the call. The observer sees
+    /// every iteration and stops it by returning false.
+    ///
+    /// # Errors
+    /// As [`Objective::evaluate`] at the start; options that Ceres cannot use.
     pub fn minimise(
         &mut self,
+        estimate: &mut Estimate,
+        visibility: &Visibility,
         call: &Call,
         observer: &mut dyn FnMut(&Iteration) -> bool,
     ) -> Result<CallOutcome, ObjectiveError> {
         let input_unit = self.input_unit;
         let mut on_iteration = |iteration: &ffi::Iteration| observer(&Iteration::new(iteration, input_unit));
-        let summary = self
-            .problem
-            .pin_mut()
-            .solve(&call.options(), &mut Observer::new(&mut on_iteration))?;
-        // Twists may have wandered past π, where their derivative degrades; the same rotations, shorter.
-        let estimate = self.estimate()?;
-        self.set_estimate(&estimate)?;
+        let mut variables = self.variables(estimate);
+        let options = call.options(self);
+        let summary = self.problem.pin_mut().minimise(
+            &mut variables,
+            &visibility.input,
+            &options,
+            &mut Observer::new(&mut on_iteration),
+        )?;
+        *estimate = self.estimate(&variables);
         Ok(summary.into())
+    }
+
+    fn variables(&self, estimate: &Estimate) -> ffi::Variables {
+        let poses = estimate.camera_from_object.iter().map(|pose| {
+            let mut rotation = [0.0; 9];
+            rotation.copy_from_slice(pose.rotation.matrix().transpose().as_slice());
+            ffi::Pose {
+                rotation,
+                translation: pose.translation.into(),
+            }
+        });
+        ffi::Variables {
+            camera_from_object: poses.collect(),
+            style: estimate.style.clone(),
+            log_alpha: (estimate.alpha / self.input_unit).ln(),
+            log_focal: estimate.focal_factor.ln(),
+        }
+    }
+
+    fn estimate(&self, variables: &ffi::Variables) -> Estimate {
+        let poses = variables.camera_from_object.iter().map(|pose| {
+            let mut rotation =
+                Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(pose.rotation.as_slice()));
+            // Products of rotations drift from being one.
+            rotation.renormalize();
+            Pose {
+                rotation,
+                translation: pose.translation.into(),
+            }
+        });
+        Estimate {
+            camera_from_object: poses.collect(),
+            style: variables.style.clone(),
+            alpha: variables.log_alpha.exp() * self.input_unit,
+            focal_factor: variables.log_focal.exp(),
+        }
     }
 }
 
-fn camera(camera: &Pinhole) -> ffi::Camera {
-    ffi::Camera {
-        fx: camera.fx,
-        fy: camera.fy,
-        cx: camera.cx,
-        cy: camera.cy,
+/// The terms with their weights, for `styles` styles and a solver that starts at `alpha`.
+fn terms(
+    sequence: &Sequence,
+    options: &ObjectiveOptions,
+    styles: usize,
+    target: usize,
+    alpha: f64,
+) -> ffi::Terms {
+    let frames = sequence.frames.len();
+    let held = options
+        .motion_deviation
+        .or(sequence.motion_deviation)
+        .filter(|&deviation| deviation > 0.0);
+    let unit_px = silhouette::unit_px(&sequence.frames, options.silhouette_size);
+    ffi::Terms {
+        photometric: ffi::PhotometricTerm {
+            weight: options.photometric_weight_of_all(frames) * options.point_weight,
+            huber_width: options.photometric_huber,
+        },
+        silhouette: ffi::SilhouetteTerm {
+            weight: options.silhouette_weight / (unit_px * unit_px),
+            cauchy_width: options.silhouette_cauchy * unit_px,
+            tolerance: options.silhouette_tolerance * unit_px,
+            frames: sequence
+                .frames
+                .iter()
+                .map(|frame| silhouette::share(frame, options))
+                .collect(),
+        },
+        inverse_depth: ffi::InverseDepthTerm {
+            weight: options.inverse_depth_weight * options.point_weight,
+            huber_width: options.inverse_depth_huber,
+        },
+        style: ffi::StyleTerm {
+            weight: options.style_weight,
+            reach: options.style_reach * (styles as f64).sqrt(),
+        },
+        motion: ffi::MotionTerm {
+            weight: held.map_or(0.0, |deviation| MOTION_WEIGHT / deviation.powi(2)),
+            cauchy_width: MOTION_CAUCHY * held.unwrap_or(1.0),
+            motions: known_motions(sequence, target, alpha),
+        },
+        focal: ffi::FocalTerm {
+            deviation: options.focal_deviation,
+        },
+        weak_perspective: options.weak_perspective,
     }
+}
+
+/// From the target to every source frame, where the off-the-shelf reconstruction holds both.
+fn known_motions(sequence: &Sequence, target: usize, input_unit: f64) -> Vec<ffi::KnownMotion> {
+    let frames = &sequence.frames;
+    let Some(target_from_input) = frames[target].camera_from_input else {
+        return Vec::new();
+    };
+    let sources = frames.iter().enumerate().filter(|&(l, _)| l != target);
+    sources
+        .filter_map(|(l, frame)| {
+            let source_from_target = frame.camera_from_input?.after(&target_from_input.inverse());
+            let mut rotation = [0.0; 9];
+            rotation.copy_from_slice(source_from_target.rotation.matrix().transpose().as_slice());
+            Some(ffi::KnownMotion {
+                a: target as u32,
+                b: l as u32,
+                rotation,
+                translation: (input_unit * source_from_target.translation).into(),
+            })
+        })
+        .collect()
 }
 
 /// Per point: does it project into the frame's mask?
-fn inside_mask(points: &[f64], frame: &Frame, camera_from_object: &Pose) -> Vec<bool> {
+fn inside_mask(points: &[f64], frame: &Frame, camera: &Pinhole, camera_from_object: &Pose) -> Vec<bool> {
     points
         .chunks_exact(3)
         .map(|x| {
             let point = camera_from_object.transform(&Vector3::new(x[0], x[1], x[2]));
-            frame
-                .camera
+            camera
                 .project(&point)
                 .and_then(|pixel| frame.mask.pixel_at(pixel.x, pixel.y))
                 .is_some_and(|pixel| frame.mask[pixel])
@@ -317,14 +366,14 @@ fn inside_mask(points: &[f64], frame: &Frame, camera_from_object: &Pose) -> Vec<
         .collect()
 }
 
-/// The points of Eq. 4 for one source frame, each with how many of the two sums it is in. Of the target and the
-/// source: what each sees, and which points lie inside its mask. A point outside either mask is left out; so is, if
+/// The points of Eq. 4 for one pair of frames, each with how many of the two sums it is in. Of both frames: what each
+/// sees, and which points lie inside its mask. A point outside either mask is left out; so is, if
 /// `covisible`, one that either does not see.
 fn photometric_points(
-    visible: [&Visibility; 2],
+    visible: [&Seen; 2],
     inside: [&[bool]; 2],
     covisible: bool,
-) -> (Vec<u32>, Vec<u8>) {
+) -> impl Iterator<Item = (u32, u8)> + use<> {
     let mut directions = vec![0u8; inside[0].len()];
     for point in visible.iter().flat_map(|v| &v.points) {
         let j = point.point as usize;
@@ -332,5 +381,5 @@ fn photometric_points(
             inside.iter().all(|inside| inside[j]) && (!covisible || visible.iter().all(|v| v.unoccluded[j]));
         directions[j] += u8::from(kept);
     }
-    (0u32..).zip(directions).filter(|&(_, d)| d > 0).unzip()
+    (0u32..).zip(directions).filter(|&(_, d)| d > 0)
 }

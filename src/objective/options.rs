@@ -14,6 +14,8 @@ pub struct ObjectiveOptions {
     pub photometric_frames: usize,
     /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255].
     pub photometric_huber: f64,
+    /// Which frames Eq. 4 compares with which.
+    pub pairs: Pairs,
     /// Leave a point out of Eq. 4 where the other frame does not see it; the paper keeps it, and compares
     /// what hides it.
     pub covisible: bool,
@@ -44,10 +46,13 @@ pub struct ObjectiveOptions {
     /// frames: Δp_l is held to them as closely as that. None means what the sequence says of itself; 0 holds nothing, as in the
     /// paper, for which those poses are but a start.
     pub motion_deviation: Option<f64>,
+    /// Standard deviation of the logarithm of one factor for all focal lengths, which the solver then finds; 0 keeps the
+    /// focal lengths as they are.
+    pub focal_deviation: f64,
     /// Points project as if all had the depth of the object's origin, as in Zhu et al. There is no depth of single
     /// points then, so the inverse-depth term must have no weight. Visibility stays that of the perspective camera.
     pub weak_perspective: bool,
-    /// N: how many of the prior's points to use; 0 means all.
+    /// How many of the prior's points Eq. 4 and 6 use; 0 means all. The silhouettes' pixels look for theirs among all.
     pub points: usize,
     /// At most this many of each silhouette's pixels are paired with points, the weight rescaled; 0 means all.
     pub silhouette_pixels: usize,
@@ -56,6 +61,47 @@ pub struct ObjectiveOptions {
     /// How many points each one stands for in the sums over points.
     #[serde(skip, default = "one")]
     pub(crate) point_weight: f64,
+}
+
+/// The frames that Eq. 4 compares. However many pairs there are, the term weighs as much as the paper's star of as many
+/// frames.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Pairs {
+    /// The target with every other frame, as in the paper.
+    Star,
+    /// Every frame with those so many frames after it.
+    Offsets(Vec<usize>),
+}
+
+impl Default for Pairs {
+    fn default() -> Self {
+        Self::Offsets(vec![1, 2, 4, 8])
+    }
+}
+
+impl Pairs {
+    /// The pairs among `frames` frames.
+    pub(super) fn of(&self, frames: usize, target: usize) -> Vec<(usize, usize)> {
+        match self {
+            Self::Star => (0..frames)
+                .filter(|&l| l != target)
+                .map(|l| (target, l))
+                .collect(),
+            Self::Offsets(offsets) => offsets
+                .iter()
+                .flat_map(|&offset| (offset..frames).map(move |l| (l - offset, l)))
+                .collect(),
+        }
+    }
+
+    fn check(&self) -> Result<(), &'static str> {
+        match self {
+            Self::Offsets(offsets) if !offsets.contains(&1) => Err("offsets must hold 1"),
+            Self::Offsets(offsets) if offsets.contains(&0) => Err("an offset must be 1 or more"),
+            _ => Ok(()),
+        }
+    }
 }
 
 fn one() -> f64 {
@@ -82,6 +128,7 @@ impl Default for ObjectiveOptions {
             photometric_weight: 1e-4,
             photometric_frames: 10,
             photometric_huber: 20.0,
+            pairs: Pairs::default(),
             covisible: true,
             silhouette_weight: 1.6,
             silhouette_cauchy: 1.0,
@@ -92,6 +139,7 @@ impl Default for ObjectiveOptions {
             style_weight: 3.0,
             style_reach: 1.6,
             motion_deviation: None,
+            focal_deviation: 0.0,
             weak_perspective: false,
             points: 8192,
             silhouette_pixels: 2000,
@@ -113,10 +161,10 @@ impl ObjectiveOptions {
         }
     }
 
-    /// What each source frame's sum in Eq. 4 weighs, of `frames` with the target.
-    pub(super) fn photometric_weight_a_frame(&self, frames: usize) -> f64 {
+    /// What Eq. 4 weighs in all, of `frames` frames: it is a mean over pairs times the source frames that count.
+    pub(super) fn photometric_weight_of_all(&self, frames: usize) -> f64 {
         let sources = frames.saturating_sub(1).max(1);
-        self.photometric_weight * limit(self.photometric_frames, sources) as f64 / sources as f64
+        self.photometric_weight * limit(self.photometric_frames, sources) as f64
     }
 
     fn thinned(&self, points: usize, all: usize) -> Self {
@@ -148,6 +196,7 @@ impl ObjectiveOptions {
             ("style_weight", self.style_weight),
             ("style_reach", self.style_reach),
             ("motion_deviation", self.motion_deviation.unwrap_or_default()),
+            ("focal_deviation", self.focal_deviation),
             ("silhouette_cauchy", self.silhouette_cauchy),
             ("silhouette_tolerance", self.silhouette_tolerance),
             ("silhouette_size", self.silhouette_size),
@@ -165,6 +214,7 @@ impl ObjectiveOptions {
                 return Err((name, "must be more than 0"));
             }
         }
+        self.pairs.check().map_err(|why| ("pairs", why))?;
         if self.weak_perspective && self.inverse_depth_weight > 0.0 {
             return Err(("inverse_depth_weight", "must be 0 with weak_perspective"));
         }

@@ -1,11 +1,10 @@
 //! What a frame's mask gives to Eq. 5.
 
+use super::ObjectiveOptions;
 use super::options::limit;
-use super::{ObjectiveError, ObjectiveOptions};
 use crate::bridge::ceres::ffi;
-use crate::image::{Mask, NearestPixel};
+use crate::image::Mask;
 use crate::sequence::Frame;
-use std::pin::Pin;
 
 /// How many pixels are one of the images that [`ObjectiveOptions::silhouette_size`] speaks of.
 pub(super) fn unit_px(frames: &[Frame], silhouette_size: f64) -> f64 {
@@ -18,15 +17,8 @@ pub(super) fn unit_px(frames: &[Frame], silhouette_size: f64) -> f64 {
     }
 }
 
-/// Hands the mask of `frame` (index `l`) to the problem.
-pub(super) fn add(
-    problem: Pin<&mut ffi::Problem>,
-    l: usize,
-    frame: &Frame,
-    options: &ObjectiveOptions,
-) -> Result<(), ObjectiveError> {
-    let lookup =
-        NearestPixel::new(&frame.mask).ok_or_else(|| ObjectiveError::EmptyMask(frame.name.clone()))?;
+/// What a frame's mask gives to the term.
+pub(super) fn share(frame: &Frame, options: &ObjectiveOptions) -> ffi::SilhouetteShare {
     let pixels: Vec<u32> = (0u32..)
         .zip(frame.mask.data())
         .filter(|(_, inside)| **inside)
@@ -34,23 +26,12 @@ pub(super) fn add(
         .collect();
     let used = thinned(&pixels, limit(options.silhouette_pixels, pixels.len()));
     let points = limit(options.silhouette_points, options.points);
-    let (grid_width, grid_height) = lookup.size();
-    problem.set_silhouette(
-        l,
-        &ffi::Silhouette {
-            width: frame.mask.width() as u32,
-            padding: lookup.padding() as u32,
-            grid_width: grid_width as u32,
-            grid_height: grid_height as u32,
-            nearest: lookup.indices(),
-            boundary: &boundary(&frame.mask),
-            pixels: &used,
-            pixel_weight: pixels.len() as f64 / used.len() as f64,
-            points: points as u32,
-            point_weight: options.point_weight * options.points as f64 / points as f64,
-        },
-    )?;
-    Ok(())
+    ffi::SilhouetteShare {
+        pixel_weight: pixels.len() as f64 / used.len() as f64,
+        pixels: used,
+        points: points as u32,
+        point_weight: options.point_weight * options.points as f64 / points as f64,
+    }
 }
 
 /// `count` of `all`, evenly spread over the list.
@@ -61,7 +42,7 @@ fn thinned(all: &[u32], count: usize) -> Vec<u32> {
 }
 
 /// Row-major indices of the mask's pixels that touch a pixel outside it or the image's border.
-fn boundary(mask: &Mask) -> Vec<u32> {
+pub(super) fn boundary(mask: &Mask) -> Vec<u32> {
     let inside = |column: usize, row: usize| mask.get(column, row).is_some_and(|&inside| inside);
     let mut indices = Vec::new();
     for row in 0..mask.height() {

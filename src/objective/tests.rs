@@ -3,9 +3,10 @@
 mod terms;
 
 use super::*;
+use crate::geometry::RelativePose;
 use crate::geometry::Rotation3;
-use crate::image::Mask;
-use crate::solver::{LinearSolver, Minimiser};
+use crate::image::{Mask, RgbImage};
+use crate::solver::{Evaluation, LinearSolver, Minimiser};
 
 /// A sphere of points that four modes stretch and bend.
 struct Blob {
@@ -108,76 +109,117 @@ fn estimate(frames: usize) -> Estimate {
         rotation: Rotation3::from_scaled_axis(Vector3::from(omega)),
         translation: Vector3::from(t),
     };
+    let target_from_object = twist([0.2, -0.4, 0.1], [0.02, -0.01, 1.6]);
+    let sources = (1..frames).map(|l| {
+        let motion = twist([0.01, 0.08 * l as f64, -0.02], [0.02 * l as f64, 0.01, 0.03]);
+        RelativePose(motion).compose(&target_from_object)
+    });
     Estimate {
-        target_from_object: twist([0.2, -0.4, 0.1], [0.02, -0.01, 1.6]),
-        motion: (1..frames)
-            .map(|l| {
-                RelativePose(twist(
-                    [0.01, 0.08 * l as f64, -0.02],
-                    [0.02 * l as f64, 0.01, 0.03],
-                ))
-            })
-            .collect(),
+        camera_from_object: std::iter::once(target_from_object).chain(sources).collect(),
         style: vec![0.3, -0.7, 0.5, 1.1],
         alpha: 0.7,
+        focal_factor: 1.0,
     }
 }
 
-fn objective<'a>(sequence: &'a Sequence, options: &ObjectiveOptions, at: &Estimate) -> Objective<'a> {
-    Objective::new(sequence, Arc::new(Blob::new(600)), options, 1, at).unwrap()
+/// An objective and what it is evaluated at.
+struct Setting<'a> {
+    objective: Objective<'a>,
+    at: Estimate,
+    visibility: Visibility,
 }
 
-/// Central differences of the objective over p0, Δp, s and log α, visibility held.
-fn numeric_gradient(objective: &mut Objective, at: &Estimate) -> Vec<f64> {
-    // Short: where two pixels are equally near, Eq. 5 has kinks, and a step must not cross one.
-    let step = 1e-8;
-    let twists: Vec<f64> = std::iter::once(at.target_from_object.to_twist())
-        .chain(at.motion.iter().map(|m| m.0.to_twist()))
-        .flat_map(|twist| twist.iter().copied().collect::<Vec<_>>())
-        .collect();
-    let log_alpha = (at.alpha / objective.input_unit).ln();
-    let variables = [twists, at.style.clone(), vec![log_alpha]].concat();
-    let mut value = |variables: &[f64]| {
-        let (log_alpha, variables) = variables.split_last().unwrap();
-        let motion = 6..variables.len() - at.style.len();
-        let problem = objective.problem.pin_mut();
-        problem
-            .set_variables(
-                &variables[..6],
-                &variables[motion.clone()],
-                &variables[motion.end..],
-            )
-            .unwrap();
-        objective
-            .set_alpha(log_alpha.exp() * objective.input_unit)
-            .unwrap();
-        objective.evaluate().unwrap().total
-    };
-    (0..variables.len())
-        .map(|i| {
-            let mut moved = variables.clone();
-            moved[i] += step;
-            let above = value(&moved);
-            moved[i] -= 2.0 * step;
-            (above - value(&moved)) / (2.0 * step)
-        })
-        .collect()
+impl Setting<'_> {
+    fn value(&mut self) -> ObjectiveValue {
+        self.objective.evaluate(&self.at, &self.visibility).unwrap()
+    }
+
+    fn gradient(&mut self) -> Vec<f64> {
+        self.objective
+            .differentiate(&self.at, &self.visibility)
+            .unwrap()
+            .0
+    }
+
+    /// Central differences of the objective over twists, s, log α and log focal, visibility held.
+    fn numeric_gradient(&mut self) -> Vec<f64> {
+        // Short: where two pixels are equally near, Eq. 5 has kinks, and a step must not cross one.
+        let step = 1e-8;
+        let poses = 6 * self.at.frame_count();
+        let styles = self.at.style.len();
+        (0..poses + styles + 2)
+            .map(|i| {
+                let mut value = |step: f64| {
+                    let mut moved = self.at.clone();
+                    if i < poses {
+                        let pose = &mut moved.camera_from_object[i / 6];
+                        let mut axis = Vector3::zeros();
+                        axis[i % 3] = step;
+                        if i % 6 < 3 {
+                            pose.rotation = Rotation3::from_scaled_axis(axis) * pose.rotation;
+                        } else {
+                            pose.translation += axis;
+                        }
+                    } else if i < poses + styles {
+                        moved.style[i - poses] += step;
+                    } else if i == poses + styles {
+                        moved.alpha *= step.exp();
+                    } else {
+                        moved.focal_factor *= step.exp();
+                    }
+                    self.objective.evaluate(&moved, &self.visibility).unwrap().total
+                };
+                (value(step) - value(-step)) / (2.0 * step)
+            })
+            .collect()
+    }
 }
 
-fn assert_gradient(options: &ObjectiveOptions, at: &Estimate) {
-    let sequence = sequence(at.frame_count());
-    let mut objective = objective(&sequence, options, at);
-    let analytic = objective.gradient().unwrap();
-    let numeric = numeric_gradient(&mut objective, at);
+fn setting<'a>(footage: &Footage<'a>, options: &ObjectiveOptions, at: &Estimate) -> Setting<'a> {
+    setting_with_target(footage, options, at, 0)
+}
+
+fn setting_with_target<'a>(
+    footage: &Footage<'a>,
+    options: &ObjectiveOptions,
+    at: &Estimate,
+    target: usize,
+) -> Setting<'a> {
+    let objective = Objective::new(footage, Arc::new(Blob::new(600)), options, target, at, 1).unwrap();
+    Setting {
+        visibility: objective.visibility(at, 0).unwrap(),
+        objective,
+        at: at.clone(),
+    }
+}
+
+fn value(sequence: &Sequence, options: &ObjectiveOptions, at: &Estimate) -> ObjectiveValue {
+    setting(&Footage::new(sequence, 1).unwrap(), options, at).value()
+}
+
+fn assert_same(analytic: &[f64], numeric: &[f64], accuracy: f64) {
     let scale = numeric.iter().fold(0.0f64, |m, g| m.max(g.abs()));
     assert!(scale > 0.0, "a gradient that is zero proves nothing");
-    for (i, (a, n)) in analytic.iter().zip(&numeric).enumerate() {
-        // A difference of two sums near 1e4 over a step of 1e-8 carries about 1e-4 of rounding.
+    assert_eq!(analytic.len(), numeric.len());
+    for (i, (a, n)) in analytic.iter().zip(numeric).enumerate() {
         assert!(
-            (a - n).abs() < 1e-5 * scale + 1e-5 * n.abs(),
+            (a - n).abs() < accuracy * (scale + n.abs()),
             "entry {i}: analytic {a}, numeric {n}"
         );
     }
+}
+
+/// A difference of two sums near 1e4 over a step of 1e-8 carries about 1e-4 of rounding.
+const ACCURACY: f64 = 1e-5;
+
+fn assert_gradient(options: &ObjectiveOptions, at: &Estimate) {
+    let sequence = sequence(at.frame_count());
+    let options = ObjectiveOptions {
+        focal_deviation: 0.1,
+        ..options.clone()
+    };
+    let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, at);
+    assert_same(&setting.gradient(), &setting.numeric_gradient(), ACCURACY);
 }
 
 fn only(change: impl FnOnce(&mut ObjectiveOptions)) -> ObjectiveOptions {
@@ -208,7 +250,7 @@ fn vouched(at: &Estimate) -> Sequence {
         let Pose {
             rotation,
             translation,
-        } = at.camera_from_object(l);
+        } = at.camera_from_object[l];
         frame.camera_from_input = Some(Pose {
             rotation,
             translation: translation / at.alpha,
@@ -229,7 +271,7 @@ fn styles_beyond_reach_cost_more_and_are_differentiated() {
             o.style_weight = 2.0;
             o.style_reach = reach;
         });
-        let found = objective(&sequence, &options, &at).evaluate().unwrap().style;
+        let found = value(&sequence, &options, &at).style;
         let known = norm * norm + 100.0 * beyond * beyond;
         assert!((found - known).abs() < 1e-9 * known, "{reach}: {found} {known}");
         assert_gradient(&options, &at);
@@ -242,13 +284,13 @@ fn motion_is_held_to_the_off_the_shelf_poses() {
     let sequence = vouched(&at);
     let value = |at: &Estimate, deviation: Option<f64>| {
         let options = only(|o| o.motion_deviation = deviation);
-        objective(&sequence, &options, at).evaluate().unwrap().motion
+        value(&sequence, &options, at).motion
     };
     assert!(value(&at, None) < 1e-20);
     // Both source frames see the object so far off, in a third of three frames each.
     let mut off = at.clone();
-    for motion in &mut off.motion {
-        motion.0.translation += Vector3::new(0.0, 0.02, 0.0);
+    for pose in &mut off.camera_from_object[1..] {
+        pose.translation += Vector3::new(0.0, 0.02, 0.0);
     }
     let known = |deviations: f64| 2.0 / 3.0 * 0.5 * 2500.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
     for (deviation, deviations) in [(None, 2.0), (Some(0.002), 10.0)] {
@@ -261,7 +303,7 @@ fn motion_is_held_to_the_off_the_shelf_poses() {
     }
     assert_eq!(value(&off, Some(0.0)), 0.0);
     let mut turned = at.clone();
-    turned.motion[0].0.rotation *= Rotation3::from_scaled_axis(Vector3::new(0.0, 0.02, 0.0));
+    turned.camera_from_object[1].rotation *= Rotation3::from_scaled_axis(Vector3::new(0.0, 0.02, 0.0));
     assert!(value(&turned, None) > 1.0);
 }
 
@@ -269,16 +311,13 @@ fn motion_is_held_to_the_off_the_shelf_poses() {
 fn the_held_motions_gradient_is_that_of_its_value() {
     let mut at = estimate(3);
     let sequence = vouched(&at);
-    at.motion[0].0.translation.x += 0.03;
-    at.motion[1].0.rotation *= Rotation3::from_scaled_axis(Vector3::new(0.02, 0.01, -0.03));
-    at.alpha *= 1.1;
-    let mut objective = objective(&sequence, &only(|_| ()), &at);
-    let analytic = objective.gradient().unwrap();
-    let numeric = numeric_gradient(&mut objective, &at);
-    let scale = numeric.iter().fold(0.0f64, |m, g| m.max(g.abs()));
-    assert!(scale > 1.0);
-    for (a, n) in analytic.iter().zip(&numeric) {
-        assert!((a - n).abs() < 1e-5 * scale, "analytic {a}, numeric {n}");
+    at.camera_from_object[1].translation.x += 0.03;
+    at.camera_from_object[2].rotation *= Rotation3::from_scaled_axis(Vector3::new(0.02, 0.01, -0.03));
+    for target in 0..3 {
+        let footage = Footage::new(&sequence, 1).unwrap();
+        let mut setting = setting_with_target(&footage, &only(|_| ()), &at, target);
+        setting.at.alpha *= 1.1;
+        assert_same(&setting.gradient(), &setting.numeric_gradient(), ACCURACY);
     }
 }
 
@@ -292,18 +331,16 @@ fn weak_perspective_is_differentiated_too() {
 fn many_source_frames_weigh_no_more_than_their_limit() {
     let value = |times: usize, photometric_frames: usize| {
         let (mut sequence, mut at) = (sequence(3), estimate(3));
-        let sources = sequence.frames[1..].to_vec();
-        sequence.frames.truncate(1);
+        let sources = sequence.frames.split_off(1);
         sequence.frames.extend((0..times).flat_map(|_| sources.clone()));
-        at.motion = at.motion.repeat(times);
+        let poses = at.camera_from_object.split_off(1);
+        at.camera_from_object.extend(poses.repeat(times));
         let options = only(|o| {
             o.photometric_weight = 1.0;
             o.photometric_frames = photometric_frames;
+            o.pairs = Pairs::Star;
         });
-        objective(&sequence, &options, &at)
-            .evaluate()
-            .unwrap()
-            .photometric
+        super::tests::value(&sequence, &options, &at).photometric
     };
     let once = value(1, 0);
     for (times, limit, expected) in [
@@ -327,19 +364,19 @@ fn weak_perspective_is_perspective_from_afar() {
     let value = |weak_perspective: bool, times_as_far: f64| {
         let mut sequence = sequence(3);
         let mut at = estimate(3);
-        at.target_from_object.translation.z *= times_as_far;
+        for (l, pose) in at.camera_from_object.iter_mut().enumerate() {
+            pose.translation.z = 1.6 * times_as_far;
+            pose.translation.x += 0.02 * l as f64;
+        }
         for frame in &mut sequence.frames {
             frame.camera.fx *= times_as_far;
             frame.camera.fy *= times_as_far;
-        }
-        for motion in &mut at.motion {
-            motion.0.translation.z = 0.0;
         }
         let options = ObjectiveOptions {
             weak_perspective,
             ..weak()
         };
-        objective(&sequence, &options, &at).evaluate().unwrap().total
+        super::tests::value(&sequence, &options, &at).total
     };
     let (near, far) = (
         value(true, 1.0) / value(false, 1.0),
@@ -366,10 +403,7 @@ fn silhouettes_are_measured_in_pixels_of_their_size() {
             o.silhouette_tolerance = length;
             o.silhouette_cauchy = 3.0 * length;
         });
-        objective(&sequence, &options, &estimate(3))
-            .evaluate()
-            .unwrap()
-            .silhouette
+        super::tests::value(&sequence, &options, &estimate(3)).silhouette
     };
     let half = (area as f64 / 3.0).sqrt() / 2.0;
     let (relative, direct) = (value(half, 0.5, 1.0), value(0.0, 1.0, 0.25));
@@ -401,8 +435,9 @@ fn the_gradient_holds_at_awkward_rotations() {
         [1e-9, 0.0, 0.0],
     ] {
         let mut at = estimate(2);
-        at.target_from_object.rotation = Rotation3::from_scaled_axis(Vector3::from(omega));
-        at.motion[0].0.rotation = Rotation3::identity();
+        let rotation = Rotation3::from_scaled_axis(Vector3::from(omega));
+        at.camera_from_object[0].rotation = rotation;
+        at.camera_from_object[1].rotation = rotation;
         assert_gradient(&ObjectiveOptions::default(), &at);
     }
 }
@@ -417,10 +452,9 @@ fn small_huber_widths_are_differentiated_too() {
     assert_gradient(&options, &estimate(3));
 }
 
-/// Eq. 5 by its definition: brute force over all pixels and points.
 /// L-BFGS moves in scaled coordinates while it runs, and in no others afterwards.
 #[test]
-fn l_bfgs_finds_the_minimum_of_levenberg_marquardt_and_leaves_the_gradient_as_it_was() {
+fn both_minimisers_and_both_evaluations_find_the_same_minimum() {
     // The smooth terms, which have one minimum.
     let options = only(|o| {
         o.inverse_depth_weight = 1000.0;
@@ -428,30 +462,157 @@ fn l_bfgs_finds_the_minimum_of_levenberg_marquardt_and_leaves_the_gradient_as_it
         o.style_weight = 2.0;
     });
     let (sequence, at) = (sequence(3), estimate(3));
-    let end = |minimiser: Minimiser| {
-        let mut objective = objective(&sequence, &options, &at);
+    let footage = Footage::new(&sequence, 1).unwrap();
+    let end = |minimiser: Minimiser, evaluation: Evaluation| {
+        let Setting {
+            mut objective,
+            mut at,
+            visibility,
+        } = setting(&footage, &options, &at);
         let call = Call {
             block: Block::Style,
             free_alpha: true,
             minimiser,
+            evaluation,
             max_iterations: 60,
             tolerance: 1e-9,
         };
-        let outcome = objective.minimise(&call, &mut |_| true).unwrap();
+        let outcome = objective
+            .minimise(&mut at, &visibility, &call, &mut |_| true)
+            .unwrap();
         assert!(outcome.evaluations.jacobian < 300, "{:?}", outcome.evaluations);
-        let (value, found) = (objective.evaluate().unwrap().total, objective.estimate().unwrap());
-        let analytic = objective.gradient().unwrap();
-        let mut fresh = self::objective(&sequence, &options, &at);
-        fresh.set_estimate(&found).unwrap();
-        let largest = analytic.iter().fold(0.0f64, |m, g| m.max(g.abs()));
-        for (a, b) in analytic.iter().zip(fresh.gradient().unwrap()) {
-            assert!((a - b).abs() < 1e-9 * largest, "{a} {b}");
-        }
-        value
+        objective.evaluate(&at, &visibility).unwrap().total
     };
-    let start = objective(&sequence, &options, &at).evaluate().unwrap().total;
-    let lm = end(Minimiser::lm(LinearSolver::Auto));
-    let lbfgs = end(Minimiser::lbfgs(20));
+    let start = value(&sequence, &options, &at).total;
+    let lm = end(Minimiser::lm(LinearSolver::Auto), Evaluation::Accumulated);
     assert!(lm < 0.9 * start, "{start} {lm}");
-    assert!((lbfgs - lm).abs() < 1e-3 * lm, "{lm} {lbfgs}");
+    for (minimiser, evaluation, accuracy) in [
+        (Minimiser::lm(LinearSolver::Auto), Evaluation::Blocks, 1e-9),
+        (Minimiser::lbfgs(20), Evaluation::Accumulated, 1e-3),
+        (Minimiser::lbfgs(20), Evaluation::Blocks, 1e-3),
+    ] {
+        let found = end(minimiser, evaluation);
+        assert!(
+            (found - lm).abs() < accuracy * lm,
+            "{minimiser:?} {evaluation:?}: {lm} {found}"
+        );
+    }
+}
+
+/// Every step of Algorithm 1 moves what it says, and threads change no byte.
+#[test]
+fn a_call_moves_its_block_alone_whatever_the_threads() {
+    let (sequence, at) = (sequence(4), estimate(4));
+    let footage = Footage::new(&sequence, 1).unwrap();
+    let moved = |block, threads| {
+        let mut objective = Objective::new(
+            &footage,
+            Arc::new(Blob::new(600)),
+            &ObjectiveOptions::default(),
+            1,
+            &at,
+            threads,
+        )
+        .unwrap();
+        let visibility = objective.visibility(&at, 0).unwrap();
+        let call = Call {
+            block,
+            free_alpha: false,
+            minimiser: Minimiser::lm(LinearSolver::Auto),
+            evaluation: Evaluation::Accumulated,
+            max_iterations: 5,
+            tolerance: 0.0,
+        };
+        let mut found = at.clone();
+        objective
+            .minimise(&mut found, &visibility, &call, &mut |_| true)
+            .unwrap();
+        found
+    };
+    let relative = |estimate: &Estimate, l: usize| {
+        let poses = &estimate.camera_from_object;
+        RelativePose::between(&poses[1], &poses[l]).0.to_twist()
+    };
+    for block in [Block::All, Block::Target, Block::Motion, Block::Style] {
+        let found = moved(block, 1);
+        assert_eq!(found, moved(block, 3), "{block:?}");
+        let changed = |l: usize| (relative(&found, l) - relative(&at, l)).norm() > 1e-9;
+        let target = (found.camera_from_object[1].to_twist() - at.camera_from_object[1].to_twist()).norm();
+        assert_eq!(
+            target > 1e-9,
+            matches!(block, Block::All | Block::Target),
+            "{block:?}"
+        );
+        assert_eq!(
+            changed(0) && changed(2) && changed(3),
+            matches!(block, Block::All | Block::Motion),
+            "{block:?}"
+        );
+        assert_eq!(
+            found.style != at.style,
+            matches!(block, Block::All | Block::Style)
+        );
+        assert!((found.alpha - at.alpha).abs() < 1e-12);
+    }
+}
+
+/// Masks and depths of the blob as its true cameras see it.
+fn seen_by(at: &Estimate, blob: &Blob) -> Sequence {
+    let mut sequence = sequence(at.frame_count());
+    let mut points = vec![0.0; 3 * blob.point_count()];
+    blob.points(&at.style, &mut points);
+    for (frame, pose) in sequence.frames.iter_mut().zip(&at.camera_from_object) {
+        let mut depth = crate::image::DepthMap::filled(96, 80, 0.0);
+        for x in points.chunks_exact(3) {
+            let in_camera = pose.transform(&Vector3::from_column_slice(x));
+            let pixel = frame.camera.project(&in_camera).unwrap();
+            if let Some(pixel) = frame.mask.pixel_at(pixel.x, pixel.y) {
+                let z = &mut depth[pixel];
+                if *z == 0.0 || *z > in_camera.z as f32 {
+                    *z = in_camera.z as f32;
+                }
+            }
+        }
+        frame.mask = depth.known();
+        frame.depth = Some(depth);
+    }
+    sequence
+}
+
+/// Depths tell how far away the blob is, silhouettes how large it looks.
+#[test]
+fn a_focal_length_off_by_a_tenth_is_found() {
+    let truth = Estimate {
+        alpha: 1.0,
+        ..estimate(3)
+    };
+    let blob = Arc::new(Blob::new(6000));
+    let sequence = seen_by(&truth, &blob);
+    let options = only(|o| {
+        o.silhouette_weight = 1.0;
+        o.inverse_depth_weight = 1e6;
+        o.style_weight = 1.0;
+        o.focal_deviation = 0.2;
+    });
+    let footage = Footage::new(&sequence, 1).unwrap();
+    let mut found = Estimate {
+        focal_factor: 1.1,
+        ..truth.clone()
+    };
+    let mut objective = Objective::new(&footage, blob, &options, 1, &truth, 1).unwrap();
+    for _ in 0..3 {
+        let visibility = objective.visibility(&found, 0).unwrap();
+        let call = Call {
+            block: Block::All,
+            free_alpha: false,
+            minimiser: Minimiser::lm(LinearSolver::Auto),
+            evaluation: Evaluation::Accumulated,
+            max_iterations: 20,
+            tolerance: 1e-6,
+        };
+        objective
+            .minimise(&mut found, &visibility, &call, &mut |_| true)
+            .unwrap();
+    }
+    assert!((found.focal_factor - 1.0).abs() < 0.02, "{}", found.focal_factor);
 }

@@ -135,6 +135,10 @@ impl ShapePrior for LearnedPrior {
         self.output.points(&self.features(style).0, points);
     }
 
+    fn is_linear(&self) -> bool {
+        self.hidden.is_empty()
+    }
+
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]) {
         if self.hidden.is_empty() {
             self.output.jacobian(style, jacobian);

@@ -128,6 +128,10 @@ impl ShapePrior for LinearPrior {
     fn jacobian(&self, _style: &[f64], jacobian: &mut [f64]) {
         jacobian.copy_from_slice(&self.basis[..jacobian.len()]);
     }
+
+    fn is_linear(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

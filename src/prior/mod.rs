@@ -33,4 +33,9 @@ pub trait ShapePrior: Send + Sync {
 
     /// ∂X/∂s at `style`: fills `jacobian` (rows x0 y0 z0 x1 …, S columns, row-major), for the same prefix.
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]);
+
+    /// Whether that is the same at every style.
+    fn is_linear(&self) -> bool {
+        false
+    }
 }

@@ -111,7 +111,7 @@ mod tests {
         let (sequence, solution) = solved(&surface, 2);
         let mut model = ColmapModel::new(300);
         for (l, frame) in sequence.frames.iter().enumerate() {
-            let pose = solution.estimate.camera_from_object(l);
+            let pose = solution.estimate.camera_from_object[l];
             let view = surface.render(&frame.camera, &pose, frame.image.size());
             model.add(&frame.name, &frame.camera, &pose, &surface, &view);
         }

@@ -2,7 +2,7 @@
 
 use super::Surface;
 use crate::cad::orbit;
-use crate::geometry::{Pinhole, Pose, RelativePose, Rotation3, Vector3};
+use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use crate::image::Grid;
 use crate::init::Estimate;
 use crate::sequence::{Frame, Sequence, Truth};
@@ -118,13 +118,10 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
         ..Default::default()
     };
     let estimate = Estimate {
-        target_from_object: poses[0],
-        motion: poses[1..]
-            .iter()
-            .map(|pose| RelativePose::between(&poses[0], pose))
-            .collect(),
+        camera_from_object: poses,
         style: vec![0.5, -1.0],
         alpha,
+        focal_factor: 1.0,
     };
     let solution = Solution {
         estimate,

@@ -123,7 +123,7 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
         });
     }
     let poses: Vec<_> = (0..frames.len())
-        .map(|frame| estimate.camera_from_object(frame))
+        .map(|frame| estimate.camera_from_object[frame])
         .collect();
     for (frame, pose) in frames.iter().zip(&poses) {
         let finite = pose
@@ -149,7 +149,7 @@ pub(super) fn object_from_input(sequence: &Sequence, estimate: &Estimate) -> Opt
         .iter()
         .enumerate()
         .find_map(|(i, frame)| Some((i, frame.camera_from_input?)))?;
-    let object = estimate.camera_from_object(frame);
+    let object = estimate.camera_from_object[frame];
     let object_from_camera = object.rotation.inverse();
     Some(Similarity {
         scale: estimate.alpha,
@@ -307,7 +307,7 @@ mod tests {
         for (l, frame) in read.frames.iter().enumerate() {
             let (pose, truth) = (
                 frame.camera_from_object().unwrap(),
-                solution.estimate.camera_from_object(l),
+                solution.estimate.camera_from_object[l],
             );
             assert!((pose.to_twist() - truth.to_twist()).norm() < 1e-12);
         }
@@ -378,10 +378,7 @@ mod tests {
         assert!((join.scale - 0.4).abs() < 1e-12);
         for (l, frame) in sequence.frames.iter().enumerate() {
             let x_input = crate::geometry::Vector3::new(0.3, -0.7, 1.1);
-            let direct = solution
-                .estimate
-                .camera_from_object(l)
-                .transform(&join.transform(&x_input));
+            let direct = solution.estimate.camera_from_object[l].transform(&join.transform(&x_input));
             let through_input =
                 solution.estimate.alpha * frame.camera_from_input.unwrap().transform(&x_input);
             assert!((direct - through_input).norm() < 1e-9);
@@ -407,7 +404,7 @@ mod tests {
         refused(&sequence, |s| s.estimate.alpha = 0.0, "alpha");
         refused(
             &sequence,
-            |s| s.estimate.target_from_object.translation.x = f64::INFINITY,
+            |s| s.estimate.camera_from_object[0].translation.x = f64::INFINITY,
             "frame_000",
         );
         refused(

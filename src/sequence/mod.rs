@@ -32,7 +32,7 @@ use crate::geometry::{Pinhole, Pose};
 use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use std::path::Path;
 
-/// Frames in order; frame 0 is the target frame of Eq. 4.
+/// Frames in order.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     /// The folder's name.
@@ -46,25 +46,6 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Moves frame `target` to the front, where initialisation and solver look for the target frame; the others
-    /// keep their order. `target` must be one of the frames.
-    pub fn bring_to_front(&mut self, target: usize) {
-        self.frames[..=target].rotate_right(1);
-        if let Some(truth) = &mut self.truth {
-            truth.camera_from_object[..=target].rotate_right(1);
-            truth.depth[..=target].rotate_right(1);
-        }
-    }
-
-    /// Undoes [`Sequence::bring_to_front`].
-    pub fn put_back(&mut self, target: usize) {
-        self.frames[..=target].rotate_left(1);
-        if let Some(truth) = &mut self.truth {
-            truth.camera_from_object[..=target].rotate_left(1);
-            truth.depth[..=target].rotate_left(1);
-        }
-    }
-
     /// Takes over what `reference`, read from `folder`, knows of these frames, by their names: so that off-the-shelf tools
     /// that were run on rendered images can be judged. Fails unless it knows every frame, of the same size.
     pub fn take_truth(&mut self, reference: &Self, folder: &Path) -> Result<(), SequenceError> {

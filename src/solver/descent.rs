@@ -8,7 +8,7 @@ use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
 use crate::objective::{Block, Call, Objective, ObjectiveError};
 use crate::sequence::Sequence;
-use cpu_time::ThreadTime;
+use cpu_time::{ProcessTime, ThreadTime};
 
 /// What a step of Algorithm 1 moves, in order.
 fn blocks(strategy: Strategy) -> &'static [Block] {
@@ -38,23 +38,25 @@ pub(super) struct Descent {
     pub termination: Termination,
     pub steps: Vec<StepState>,
     pub trace: Vec<TraceRow>,
-    /// Of this thread; a descent uses no other.
     pub cpu_seconds: f64,
 }
 
-/// Runs steps of Algorithm 1 along `route`, from where `objective` stands.
+/// Runs steps of Algorithm 1 along `route`, from `start`, with `target` as the target frame.
 pub(super) fn descend(
     objective: &mut Objective,
     sequence: &Sequence,
+    target: usize,
+    start: &Estimate,
     options: &SolverOptions,
     route: &Route,
     progress: &mut Progress,
 ) -> Result<Descent, ObjectiveError> {
-    let began = ThreadTime::now();
+    let clock = CpuClock::start(options.threads);
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
+    let mut estimate = start.clone();
     let mut descent = Descent {
-        estimate: objective.estimate()?,
-        start: objective.evaluate()?,
+        estimate: start.clone(),
+        start: objective.evaluate(start, &objective.visibility(start, 0)?)?,
         end: ObjectiveValue::default(),
         evaluations: Evaluations::default(),
         iterations: 0,
@@ -64,13 +66,12 @@ pub(super) fn descend(
         cpu_seconds: 0.0,
     };
     'levels: for &level in route.levels {
-        objective.set_level(level)?;
         descent.termination = Termination::StepLimit;
         let mut course = Course::new(options.tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
-            objective.update_visibility()?;
-            let before = objective.evaluate()?.total;
+            let visibility = objective.visibility(&estimate, level)?;
+            let before = objective.evaluate(&estimate, &visibility)?.total;
             if !placing && !course.progresses(before) {
                 descent.termination = Termination::Converged;
                 break;
@@ -85,11 +86,12 @@ pub(super) fn descend(
                     block,
                     free_alpha: options.scale_update == ScaleUpdate::Variable,
                     minimiser: options.minimiser,
+                    evaluation: options.evaluation,
                     max_iterations: options.iterations_per_call,
                     tolerance: options.tolerance / 10.0,
                 };
                 let so_far = descent.evaluations;
-                let outcome = objective.minimise(&call, &mut |iteration| {
+                let outcome = objective.minimise(&mut estimate, &visibility, &call, &mut |iteration| {
                     let evaluations = so_far.plus(iteration.evaluations);
                     progress.report(TraceRow {
                         stage: format!("{}level-{level}", route.stage),
@@ -108,24 +110,25 @@ pub(super) fn descend(
                 descent.iterations += outcome.iterations;
                 descent.steps.push(StepState {
                     level,
-                    estimate: objective.estimate()?,
+                    estimate: estimate.clone(),
                     evaluations: descent.evaluations,
-                    cpu_seconds: began.elapsed().as_secs_f64(),
+                    cpu_seconds: clock.seconds(),
                 });
                 if outcome.interrupted {
                     descent.termination = Termination::Interrupted;
                     break 'levels;
                 }
             }
-            let after = objective.evaluate()?.total;
+            let after = objective.evaluate(&estimate, &visibility)?.total;
             if options.scale_update == ScaleUpdate::Regression
                 && let Some(alpha) = scale_from_motion(
-                    &objective.estimate()?,
+                    &estimate,
+                    target,
                     &camera_from_input,
-                    &mean_point(&objective.points()?),
+                    &mean_point(&objective.points(&estimate)),
                 )
             {
-                objective.set_alpha(alpha)?;
+                estimate.alpha = alpha;
             }
             if after < options.threshold {
                 descent.termination = Termination::BelowThreshold;
@@ -137,13 +140,33 @@ pub(super) fn descend(
             }
         }
     }
-    objective.set_level(0)?;
-    objective.update_visibility()?;
-    descent.end = objective.evaluate()?;
-    descent.estimate = objective.estimate()?;
+    descent.end = objective.evaluate(&estimate, &objective.visibility(&estimate, 0)?)?;
+    descent.estimate = estimate;
     descent.trace = progress.take_trace();
-    descent.cpu_seconds = began.elapsed().as_secs_f64();
+    descent.cpu_seconds = clock.seconds();
     Ok(descent)
+}
+
+/// Processor time of a solve: of its thread where it uses no other, so that solves may run side by side, else of the process.
+enum CpuClock {
+    Thread(ThreadTime),
+    Process(ProcessTime),
+}
+
+impl CpuClock {
+    fn start(threads: usize) -> Self {
+        match threads {
+            0 | 1 => Self::Thread(ThreadTime::now()),
+            _ => Self::Process(ProcessTime::now()),
+        }
+    }
+
+    fn seconds(&self) -> f64 {
+        match self {
+            Self::Thread(began) => began.elapsed().as_secs_f64(),
+            Self::Process(began) => began.elapsed().as_secs_f64(),
+        }
+    }
 }
 
 /// The objective at the start of each step, under its own visibility: a call lowers it for the visibility that it began

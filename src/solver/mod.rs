@@ -7,8 +7,8 @@ mod scale;
 mod solution;
 
 pub use options::{
-    Interpolation, LinearSolver, Minimiser, MotionStart, SolverOptions, Strategy, default_lbfgs_rank,
-    default_trust_region_radius,
+    Evaluation, Interpolation, LinearSolver, Minimiser, MotionStart, SolverOptions, Strategy,
+    default_lbfgs_rank, default_trust_region_radius,
 };
 pub use progress::Observer;
 pub use scale::{ScaleUpdate, scale_from_motion};
@@ -16,11 +16,9 @@ pub use solution::{
     Evaluations, HypothesisOutcome, ObjectiveValue, Solution, StepState, Termination, TraceRow,
 };
 
-use crate::geometry::RelativePose;
 use crate::init::{Estimate, Initialisation};
-use crate::objective::{Objective, ObjectiveError, ObjectiveOptions};
+use crate::objective::{Footage, Objective, ObjectiveError, ObjectiveOptions};
 use crate::prior::ShapePrior;
-use crate::sequence::Sequence;
 use descent::{Descent, Route, descend};
 use progress::Progress;
 use rayon::prelude::*;
@@ -43,7 +41,8 @@ pub enum SolveError {
     Objective(#[from] ObjectiveError),
 }
 
-/// Minimises Eq. 9 over a sequence: [`short_solves`], then [`refine`] from the best of them.
+/// Minimises Eq. 9 over a sequence: [`short_solves`], then [`refine`] from the best of them. `target` is the paper's target
+/// frame, the one that the starts' p0 is of.
 ///
 /// `observer` sees every Ceres iteration and returns false to stop there; the best state so far is then the
 /// solution.
@@ -51,8 +50,9 @@ pub enum SolveError {
 /// # Errors
 /// Options out of range, no start, or a failing objective.
 pub fn solve(
-    sequence: &Sequence,
+    footage: &Footage,
     prior: &Arc<dyn ShapePrior>,
+    target: usize,
     starts: &[Initialisation],
     objective_options: &ObjectiveOptions,
     options: &SolverOptions,
@@ -60,7 +60,15 @@ pub fn solve(
 ) -> Result<Solution, SolveError> {
     check(options)?;
     let estimates: Vec<Estimate> = starts.iter().map(|start| start.estimate.clone()).collect();
-    let short = short_solves(sequence, prior, &estimates, observer)?;
+    let short = short_solves(
+        footage,
+        prior,
+        target,
+        &estimates,
+        objective_options,
+        options.evaluation,
+        observer,
+    )?;
     let hypotheses = starts
         .iter()
         .zip(&short.objectives)
@@ -78,8 +86,9 @@ pub fn solve(
         )
         .collect();
     let refined = refine(
-        sequence,
+        footage,
         prior,
+        target,
         &short.estimate,
         objective_options,
         options,
@@ -112,39 +121,46 @@ pub struct ShortSolves {
     pub seconds: Vec<(String, f64)>,
 }
 
-/// A short solve from every start, at the coarsest pyramid level; the lowest objective wins.
+/// A short solve from every start, at the coarsest pyramid level of `footage`, all variables at once by Levenberg–Marquardt;
+/// the lowest objective wins. The objective is `objective_options`', made cautious for starts that may be far off.
 ///
-/// They take no options: they are part of the start, which is the same for all methods and weights. They run side by
-/// side on rayon's threads, each in itself on one thread, so that the result does not depend on how many there are.
+/// They run side by side on rayon's threads, each in itself on one thread, so that the result does not depend on how
+/// many there are.
 ///
 /// # Errors
 /// No start, or a failing objective.
 pub fn short_solves(
-    sequence: &Sequence,
+    footage: &Footage,
     prior: &Arc<dyn ShapePrior>,
+    target: usize,
     starts: &[Estimate],
+    objective_options: &ObjectiveOptions,
+    evaluation: Evaluation,
     observer: &Observer,
 ) -> Result<ShortSolves, SolveError> {
     let began = Instant::now();
     let options = SolverOptions {
+        evaluation,
         max_steps: 5,
         iterations_per_call: 10,
         ..SolverOptions::default()
     };
-    let cautious = ObjectiveOptions::default().cautious(HYPOTHESIS_POINTS, prior.point_count());
+    let cautious = objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count());
     let trials: Vec<Descent> = starts
         .par_iter()
         .enumerate()
         .map(|(i, start)| {
-            let mut objective = Objective::new(sequence, prior.clone(), &cautious, options.levels, start)?;
+            let mut objective = Objective::new(footage, prior.clone(), &cautious, target, start, 1)?;
             let route = Route {
                 stage: &format!("hypothesis-{i}/"),
                 placing_steps: PLACING_STEPS,
-                levels: &[options.levels - 1],
+                levels: &[footage.levels() - 1],
             };
             descend(
                 &mut objective,
-                sequence,
+                footage.sequence(),
+                target,
+                start,
                 &options,
                 &route,
                 &mut Progress::new(observer),
@@ -170,13 +186,14 @@ pub fn short_solves(
     })
 }
 
-/// Minimises Eq. 9 from one start, through all pyramid levels, on one thread.
+/// Minimises Eq. 9 from one start, through the pyramid levels of `footage` from the coarsest on, at most `options.levels`.
 ///
 /// # Errors
 /// Options out of range, or a failing objective.
 pub fn refine(
-    sequence: &Sequence,
+    footage: &Footage,
     prior: &Arc<dyn ShapePrior>,
+    target: usize,
     start: &Estimate,
     objective_options: &ObjectiveOptions,
     options: &SolverOptions,
@@ -185,11 +202,20 @@ pub fn refine(
     check(options)?;
     let began = Instant::now();
     let mut start = start.clone();
-    if options.motion_start == MotionStart::Zero {
-        start.motion.fill(RelativePose::identity());
+    if options.motion_start == MotionStart::Zero
+        && let Some(&of_target) = start.camera_from_object.get(target)
+    {
+        start.camera_from_object.fill(of_target);
     }
-    let mut objective = Objective::new(sequence, prior.clone(), objective_options, options.levels, &start)?;
-    let levels: Vec<usize> = (0..options.levels).rev().collect();
+    let mut objective = Objective::new(
+        footage,
+        prior.clone(),
+        objective_options,
+        target,
+        &start,
+        options.threads,
+    )?;
+    let levels: Vec<usize> = (0..options.levels.min(footage.levels())).rev().collect();
     let route = Route {
         stage: "",
         placing_steps: 0,
@@ -197,7 +223,9 @@ pub fn refine(
     };
     let descent = descend(
         &mut objective,
-        sequence,
+        footage.sequence(),
+        target,
+        &start,
         options,
         &route,
         &mut Progress::new(observer),

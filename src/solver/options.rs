@@ -7,10 +7,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LinearSolver {
-    /// `DenseSchur` where all variables move together, `SparseNormalCholesky` otherwise.
+    /// For blocks `DenseSchur` where all variables move together and every pair holds the target, else
+    /// `SparseNormalCholesky`; dense for accumulated normal equations.
     #[default]
     Auto,
-    /// Eliminates the Δp_l, as the two below; for the joint strategy only.
+    /// Eliminates all poses but the target's, as the two below; for the joint strategy over blocks and
+    /// the pairs of a star only.
     DenseSchur,
     SparseSchur,
     IterativeSchur,
@@ -50,7 +52,7 @@ impl Minimiser {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Minimiser {
-    /// Levenberg–Marquardt with a Schur complement over the Δp_l.
+    /// Levenberg–Marquardt.
     Lm {
         /// Of the first step; Ceres's default is 1e4.
         #[serde(default = "default_trust_region_radius")]
@@ -86,6 +88,17 @@ pub enum Strategy {
     Joint,
 }
 
+/// How the objective is evaluated for Ceres. Values, derivatives and steps are the same, up to rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Evaluation {
+    /// As one cost function, whose normal equations we sum point by point.
+    #[default]
+    Accumulated,
+    /// A residual block for each pixel, as in the paper; for comparison, as it is many times slower.
+    Blocks,
+}
+
 /// Where the Δp_l start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -101,6 +114,7 @@ pub enum MotionStart {
 #[serde(deny_unknown_fields, default)]
 pub struct SolverOptions {
     pub minimiser: Minimiser,
+    pub evaluation: Evaluation,
     pub strategy: Strategy,
     pub motion_start: MotionStart,
     /// How α is renewed after every step; the paper's Eq. 8 is `regression`.
@@ -115,12 +129,20 @@ pub struct SolverOptions {
     pub tolerance: f64,
     /// Pyramid levels, each half the size of the one before; 1 is no pyramid.
     pub levels: usize,
+    /// Threads of one solve; no byte of the result depends on them.
+    #[serde(skip, default = "one")]
+    pub threads: usize,
+}
+
+fn one() -> usize {
+    1
 }
 
 impl Default for SolverOptions {
     fn default() -> Self {
         Self {
             minimiser: Minimiser::lm(LinearSolver::Auto),
+            evaluation: Evaluation::default(),
             strategy: Strategy::Joint,
             motion_start: MotionStart::Given,
             scale_update: ScaleUpdate::Variable,
@@ -129,6 +151,7 @@ impl Default for SolverOptions {
             threshold: 0.0,
             tolerance: 3e-4,
             levels: 3,
+            threads: one(),
         }
     }
 }
@@ -149,6 +172,14 @@ impl SolverOptions {
                 ..
             } if self.strategy == Strategy::Alternating => {
                 return Err(("linear_solver", "a Schur solver needs the joint strategy"));
+            }
+            Minimiser::Lm { linear_solver, .. }
+                if linear_solver != LinearSolver::Auto && self.evaluation == Evaluation::Accumulated =>
+            {
+                return Err((
+                    "linear_solver",
+                    "only with evaluation = \"blocks\": accumulated normal equations are dense",
+                ));
             }
             Minimiser::Lbfgs { rank: 0, .. } => return Err(("rank", "must be 1 or more")),
             _ => {}

@@ -28,25 +28,26 @@ pub enum ScaleUpdate {
 /// left, the target has no pose, or α is not positive: poses that far off say nothing about scale.
 pub fn scale_from_motion(
     estimate: &Estimate,
+    target: usize,
     camera_from_input: &[Option<Pose>],
     mean_point: &Vector3<f64>,
 ) -> Option<f64> {
-    let target_from_input = (*camera_from_input.first()?)?;
+    let target_from_input = (*camera_from_input.get(target)?)?;
     let sources: Vec<(usize, Pose)> = camera_from_input
         .iter()
         .enumerate()
         .take(estimate.frame_count())
-        .skip(1)
+        .filter(|&(frame, _)| frame != target)
         .filter_map(|(frame, pose)| pose.map(|pose| (frame, pose.after(&target_from_input.inverse()))))
         .collect();
     let lengths = sources.iter().map(|(_, pose)| pose.translation.norm());
     let negligible = NEGLIGIBLE_TRANSLATION * lengths.fold(target_from_input.translation.norm(), f64::max);
-    let point_in_target = estimate.target_from_object.transform(mean_point);
+    let point_in_target = estimate.camera_from_object[target].transform(mean_point);
     let scales: Vec<f64> = sources
         .iter()
         .filter(|(_, source_from_target)| source_from_target.translation.norm() > negligible)
         .map(|(frame, source_from_target)| {
-            let a = estimate.camera_from_object(*frame).transform(mean_point)
+            let a = estimate.camera_from_object[*frame].transform(mean_point)
                 - source_from_target.rotation * point_in_target;
             let b = source_from_target.translation;
             a.dot(&b) / b.norm_squared()
@@ -61,7 +62,7 @@ mod tests {
     use super::*;
     use crate::geometry::Rotation3;
     use crate::image::{DepthMap, Mask};
-    use crate::init::{motion_from_input, scale_from_inverse_depth};
+    use crate::init::{cameras_from_input, scale_from_inverse_depth};
     use crate::visibility::{Visibility, VisiblePoint};
     use proptest::prelude::*;
 
@@ -94,6 +95,7 @@ mod tests {
             alpha in 0.1..10.0f64,
             input_from_object in any_pose(),
             points in proptest::collection::vec(proptest::array::uniform3(-0.5..0.5f64), 1..20),
+            target in 0..2usize,
         ) {
             let input = off_the_shelf(&truth, alpha, &input_from_object);
             for point in &points {
@@ -105,20 +107,22 @@ mod tests {
                 }
             }
 
-            let motion = motion_from_input(&truth[0], &input, alpha);
-            for (relative, camera) in motion.iter().zip(&truth[1..]) {
-                let found = relative.compose(&truth[0]);
+            let cameras = cameras_from_input(&truth[target], target, &input, alpha);
+            for (found, camera) in cameras.iter().zip(&truth) {
                 prop_assert!((found.translation - camera.translation).norm() < 1e-8);
                 prop_assert!((found.rotation.matrix() - camera.rotation.matrix()).norm() < 1e-9);
             }
 
-            let estimate = Estimate { target_from_object: truth[0], motion, style: vec![], alpha: 1.0 };
+            let estimate = Estimate {
+                camera_from_object: cameras, style: vec![], alpha: 1.0, focal_factor: 1.0,
+            };
             let mean = points.iter().map(|p| Vector3::from(*p)).sum::<Vector3<f64>>() / points.len() as f64;
             let poses: Vec<_> = input.iter().copied().map(Some).collect();
-            let shift = |pose: &Pose| pose.after(&input[0].inverse()).translation.norm();
-            let longest = input[1..].iter().map(shift).fold(input[0].translation.norm(), f64::max);
-            prop_assume!(input[1..].iter().all(|pose| shift(pose) > 2e-3 * longest));
-            let found = scale_from_motion(&estimate, &poses, &mean).unwrap();
+            let shift = |pose: &Pose| pose.after(&input[target].inverse()).translation.norm();
+            let sources = || input.iter().enumerate().filter(|&(l, _)| l != target).map(|(_, pose)| pose);
+            let longest = sources().map(shift).fold(input[target].translation.norm(), f64::max);
+            prop_assume!(sources().all(|pose| shift(pose) > 2e-3 * longest));
+            let found = scale_from_motion(&estimate, target, &poses, &mean).unwrap();
             prop_assert!((found / alpha - 1.0).abs() < 1e-6);
 
             let depths: Vec<f64> = points.iter().map(|p| truth[0].transform(&Vector3::from(*p)).z).collect();
@@ -144,10 +148,10 @@ mod tests {
             })
             .collect();
         let estimate = Estimate {
-            target_from_object: poses[0],
-            motion: motion_from_input(&poses[0], &poses, alpha),
+            camera_from_object: cameras_from_input(&poses[0], 0, &poses, alpha),
             style: vec![],
             alpha: 1.0,
+            focal_factor: 1.0,
         };
         (estimate, poses.into_iter().map(Some).collect())
     }
@@ -155,16 +159,16 @@ mod tests {
     #[test]
     fn frames_without_translation_or_pose_are_left_out() {
         let (estimate, mut input) = walk(&[0.0, 0.0, 1.0, 2.0], 0.7);
-        assert!((scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
+        assert!((scale_from_motion(&estimate, 0, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
         input[3] = None;
-        assert!((scale_from_motion(&estimate, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
+        assert!((scale_from_motion(&estimate, 0, &input, &Vector3::zeros()).unwrap() - 0.7).abs() < 1e-12);
         let (estimate, input) = walk(&[1.0, 1.0, 1.0], 0.7);
-        assert_eq!(scale_from_motion(&estimate, &input, &Vector3::zeros()), None);
+        assert_eq!(scale_from_motion(&estimate, 0, &input, &Vector3::zeros()), None);
     }
 
     #[test]
     fn a_motion_that_runs_backwards_gives_no_scale() {
         let (estimate, input) = walk(&[0.0, 1.0, 2.0], -0.4);
-        assert_eq!(scale_from_motion(&estimate, &input, &Vector3::zeros()), None);
+        assert_eq!(scale_from_motion(&estimate, 0, &input, &Vector3::zeros()), None);
     }
 }

@@ -14,6 +14,9 @@ pub struct ObjectiveValue {
     /// What the motion differs from Eq. 13's; 0 where its weight is 0.
     #[serde(default)]
     pub motion: f64,
+    /// What the focal length differs from what was known of it; 0 where it is held.
+    #[serde(default)]
+    pub focal: f64,
 }
 
 /// Ceres's counters; line search counts all of its evaluations as Jacobian evaluations.

@@ -10,7 +10,7 @@ use super::table::cell;
 use super::{Effort, Jobs, Measures, Method, StudyError, Subject, Table, perturbed_pose};
 use crate::config::Config;
 use crate::eval::{location_error, orientation_error_deg};
-use crate::init::{Estimate, motion_from_input};
+use crate::init::{Estimate, cameras_from_input};
 use crate::objective::Objective;
 use crate::prior::{self, ShapePrior};
 use crate::sequence::Sequence;
@@ -108,10 +108,6 @@ pub fn compare(
 ) -> Result<Comparison, StudyError> {
     let start = subject.start(jobs, effort)?.short;
     let target = subject.sequence.frames.len() / 2;
-    let mut sequence = subject.sequence.clone();
-    sequence.bring_to_front(target);
-    let mut start = start.clone();
-    start.bring_to_front(target);
     let methods: Vec<Method> = methods.iter().map(|method| method.clone().with(effort)).collect();
     let runs: Vec<(&Method, u64)> = (0..seeds)
         .flat_map(|seed| methods.iter().map(move |method| (method, seed)))
@@ -120,7 +116,16 @@ pub fn compare(
         &runs,
         |(method, seed)| format!("{}/compare-{}-{seed}", subject.name, method.name),
         |(method, seed)| Ok(json!([subject.digest(), method.config, start, seed])),
-        |&(method, seed), observer| course(subject, &sequence, method, &near(&start, seed), seed, observer),
+        |&(method, seed), observer| {
+            course(
+                subject,
+                target,
+                method,
+                &near(&start, target, seed),
+                seed,
+                observer,
+            )
+        },
     )?;
     Ok(Comparison {
         sequence: subject.name.clone(),
@@ -133,24 +138,21 @@ pub fn compare(
 }
 
 /// The seed's start; relative motion (Eq. 13), style and α stay.
-fn near(start: &Estimate, seed: u64) -> Estimate {
+fn near(start: &Estimate, target: usize, seed: u64) -> Estimate {
     if seed == 0 {
         return start.clone();
     }
-    let cameras: Vec<_> = (0..start.frame_count())
-        .map(|l| start.camera_from_object(l))
-        .collect();
-    let target_from_object = perturbed_pose(&start.target_from_object, ANGLE_DEG, SHIFT, seed);
+    let cameras = &start.camera_from_object;
+    let target_from_object = perturbed_pose(&cameras[target], ANGLE_DEG, SHIFT, seed);
     Estimate {
-        motion: motion_from_input(&target_from_object, &cameras, 1.0),
-        target_from_object,
+        camera_from_object: cameras_from_input(&target_from_object, target, cameras, 1.0),
         ..start.clone()
     }
 }
 
 fn course(
     subject: &Subject,
-    sequence: &Sequence,
+    target: usize,
     method: &Method,
     start: &Estimate,
     seed: u64,
@@ -162,19 +164,19 @@ fn course(
     } = &method.config;
     let learned = prior::find(&method.config.prior)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
-    let solution = solver::refine(sequence, &prior, start, objective, solver, observer)
+    let footage = subject.footage(solver.levels)?;
+    let solution = solver::refine(&footage, &prior, target, start, objective, solver, observer)
         .map_err(|source| StudyError::Solve { name: name(), source })?;
     if solution.termination == Termination::Interrupted {
         return Err(StudyError::Interrupted);
     }
     let failed = |source| StudyError::Objective { name: name(), source };
-    let mut referee = Objective::new(sequence, prior, objective, 1, start).map_err(failed)?;
+    let mut referee = Objective::new(&footage, prior, objective, target, start, 1).map_err(failed)?;
     let mut judge = |estimate: &Estimate, evaluations, cpu_seconds| {
-        referee.set_estimate(estimate)?;
-        referee.update_visibility()?;
-        let [orientation_error_deg, location_error_percent] = camera_errors(sequence, estimate);
+        let visibility = referee.visibility(estimate, 0)?;
+        let [orientation_error_deg, location_error_percent] = camera_errors(&subject.sequence, estimate);
         Ok(Stage {
-            objective: referee.evaluate()?.total,
+            objective: referee.evaluate(estimate, &visibility)?.total,
             evaluations,
             cpu_seconds,
             orientation_error_deg,
@@ -186,13 +188,11 @@ fn course(
         let evaluations = step.evaluations.residual + step.evaluations.jacobian;
         stages.push(judge(&step.estimate, evaluations, step.cpu_seconds).map_err(failed)?);
     }
-    let mut estimate = solution.estimate;
-    estimate.put_back(sequence.frames.len() / 2);
     Ok(Course {
         method: method.label.clone(),
         seed,
         stages,
-        measures: subject.measure(&learned, &estimate),
+        measures: subject.measure(&learned, &solution.estimate),
     })
 }
 
@@ -203,8 +203,8 @@ fn camera_errors(sequence: &Sequence, estimate: &Estimate) -> [Option<f64>; 2] {
     };
     let poses = || truth.camera_from_object.iter().enumerate();
     let orientation = poses()
-        .map(|(l, pose)| orientation_error_deg(&estimate.camera_from_object(l).rotation, &pose.rotation));
-    let location = poses().map(|(l, pose)| 100.0 * location_error(&estimate.camera_from_object(l), pose));
+        .map(|(l, pose)| orientation_error_deg(&estimate.camera_from_object[l].rotation, &pose.rotation));
+    let location = poses().map(|(l, pose)| 100.0 * location_error(&estimate.camera_from_object[l], pose));
     [mean(orientation), mean(location)]
 }
 
@@ -376,6 +376,7 @@ fn spread(values: Vec<Option<f64>>, digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Pose, Rotation3, Vector3};
 
     fn comparison() -> Comparison {
         let stage = |objective, evaluations, cpu_seconds| Stage {
@@ -424,31 +425,30 @@ mod tests {
     #[test]
     fn seeds_keep_the_relative_motion() {
         let start = Estimate {
-            target_from_object: crate::geometry::Pose {
-                translation: crate::geometry::Vector3::new(0.0, 0.1, 1.7),
-                ..crate::geometry::Pose::identity()
-            },
-            motion: vec![crate::geometry::RelativePose(crate::geometry::Pose {
-                rotation: crate::geometry::Rotation3::from_scaled_axis(crate::geometry::Vector3::new(
-                    0.0, 0.2, 0.1,
-                )),
-                translation: crate::geometry::Vector3::new(0.1, 0.0, 0.05),
-            })],
+            camera_from_object: vec![
+                Pose {
+                    translation: Vector3::new(0.0, 0.1, 1.7),
+                    ..Pose::identity()
+                },
+                Pose {
+                    rotation: Rotation3::from_scaled_axis(Vector3::new(0.0, 0.2, 0.1)),
+                    translation: Vector3::new(0.1, 0.1, 1.75),
+                },
+            ],
             style: vec![0.5],
             alpha: 0.7,
+            focal_factor: 1.0,
         };
-        assert_eq!(near(&start, 0), start);
-        let moved = near(&start, 3);
+        assert_eq!(near(&start, 1, 0), start);
+        let moved = near(&start, 1, 3);
         let relative = |estimate: &Estimate| {
-            estimate
-                .camera_from_object(1)
-                .after(&estimate.camera_from_object(0).inverse())
+            estimate.camera_from_object[1].after(&estimate.camera_from_object[0].inverse())
         };
         let (a, b) = (relative(&start), relative(&moved));
         assert!((a.to_twist() - b.to_twist()).norm() < 1e-12);
         let angle = orientation_error_deg(
-            &moved.target_from_object.rotation,
-            &start.target_from_object.rotation,
+            &moved.camera_from_object[1].rotation,
+            &start.camera_from_object[1].rotation,
         );
         assert!((angle - ANGLE_DEG).abs() < 1e-9);
     }

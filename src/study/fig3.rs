@@ -3,9 +3,9 @@
 use super::plot::{Axis, Chart, Heat, Line};
 use super::table::cell;
 use super::{Effort, Jobs, Method, StudyError, Subject, Table};
-use crate::geometry::{Pose, RelativePose, Rotation3, Vector3};
-use crate::init::{Estimate, motion_from_input};
-use crate::objective::{Objective, ObjectiveError};
+use crate::geometry::{Pose, Rotation3, Vector3};
+use crate::init::{Estimate, cameras_from_input};
+use crate::objective::{Footage, Objective, ObjectiveError};
 use crate::prior::{self, ShapePrior};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -50,53 +50,46 @@ fn scan(subject: &Subject, method: &Method, optimum: &Estimate, half: i32) -> Re
         source,
     };
     let target = subject.sequence.frames.len() / 2;
-    let mut sequence = subject.sequence.clone();
-    sequence.bring_to_front(target);
-    let mut optimum = optimum.clone();
-    optimum.bring_to_front(target);
     let prior: Arc<dyn ShapePrior> = Arc::new(prior::find(&method.config.prior)?);
+    let footage = Footage::new(&subject.sequence, 1).map_err(failed)?;
     let mut objective =
-        Objective::new(&sequence, prior, &method.config.objective, 1, &optimum).map_err(failed)?;
+        Objective::new(&footage, prior, &method.config.objective, target, optimum, 1).map_err(failed)?;
     let angles_deg: Vec<f64> = (-half..=half)
         .map(|i| REACH_DEG * f64::from(i) / f64::from(half))
         .collect();
     let turned = |angle_deg: f64| Pose {
-        rotation: optimum.target_from_object.rotation
+        rotation: optimum.camera_from_object[target].rotation
             * Rotation3::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians()),
-        translation: optimum.target_from_object.translation,
+        translation: optimum.camera_from_object[target].translation,
     };
     let mut cost = |estimate: &Estimate| -> Result<(f64, f64), ObjectiveError> {
-        objective.set_estimate(estimate)?;
-        objective.update_visibility()?;
-        let value = objective.evaluate()?;
+        let visibility = objective.visibility(estimate, 0)?;
+        let value = objective.evaluate(estimate, &visibility)?;
         Ok((value.photometric, value.total))
     };
     // The optimum's own cameras as if they were an off-the-shelf reconstruction: Eq. 13 then keeps their relative motion.
-    let cameras: Vec<Pose> = (0..optimum.frame_count())
-        .map(|l| optimum.camera_from_object(l))
-        .collect();
-    let sources = optimum.motion.len() as f64;
+    let cameras = &optimum.camera_from_object;
+    let sources: Vec<usize> = (0..cameras.len()).filter(|&l| l != target).collect();
     let (mut surface, mut correct_motion, mut no_motion) = (Vec::new(), Vec::new(), Vec::new());
     for &angle in &angles_deg {
         let target_from_object = turned(angle);
         let followed = Estimate {
-            motion: motion_from_input(&target_from_object, &cameras, 1.0),
-            target_from_object,
+            camera_from_object: cameras_from_input(&target_from_object, target, cameras, 1.0),
             ..optimum.clone()
         };
         correct_motion.push(cost(&followed).map_err(failed)?.1);
         let still = Estimate {
-            motion: vec![RelativePose::identity(); optimum.motion.len()],
+            camera_from_object: vec![target_from_object; cameras.len()],
             ..followed.clone()
         };
         no_motion.push(cost(&still).map_err(failed)?.1);
         let row = angles_deg.iter().map(|&more| {
             let mut moved = followed.clone();
-            for (l, motion) in moved.motion.iter_mut().enumerate() {
-                // About the object's vertical axis as the target camera sees it.
-                let axis = target_from_object.rotation * Vector3::y_axis();
-                let share = (l + 1) as f64 / sources;
-                motion.0.rotation *= Rotation3::from_axis_angle(&axis, (share * more).to_radians());
+            for (i, &l) in sources.iter().enumerate() {
+                // About the object's vertical axis: Δω_l after it is what turns.
+                let share = (i + 1) as f64 / sources.len() as f64;
+                let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), (share * more).to_radians());
+                moved.camera_from_object[l].rotation *= turn;
             }
             Ok(cost(&moved)?.0)
         });

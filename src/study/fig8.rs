@@ -61,9 +61,12 @@ pub fn fig8(
     for (subject, first_seed) in subjects.into_iter().zip((0..).step_by(SEEDS as usize)) {
         let subject = subject?;
         let target = subject.sequence.frames.len() / 2;
-        let mut sequence = subject.sequence.clone();
-        sequence.bring_to_front(target);
-        let Some(truth) = sequence.truth.as_ref().map(|truth| truth.camera_from_object[0]) else {
+        let sequence = &subject.sequence;
+        let Some(truth) = sequence
+            .truth
+            .as_ref()
+            .map(|truth| truth.camera_from_object[target])
+        else {
             continue;
         };
         let learned = prior::find(&ours.config.prior)?;
@@ -71,11 +74,12 @@ pub fn fig8(
         let mut starts = Vec::new();
         for &angle_deg in angles {
             for seed in first_seed..first_seed + SEEDS {
-                if let Some(start) = perturbed_start(&sequence, &learned, angle_deg, SHIFT, seed) {
+                if let Some(start) = perturbed_start(sequence, &learned, target, angle_deg, SHIFT, seed) {
                     starts.push((angle_deg, seed, start));
                 }
             }
         }
+        let footage = subject.footage(ours.config.solver.levels)?;
         let name = |angle_deg: f64, seed: u64| format!("{}/from-{angle_deg}-deg-{seed}", subject.name);
         let placed: Vec<Perturbed> = jobs.run(
             &starts,
@@ -83,17 +87,14 @@ pub fn fig8(
             |(_, _, start)| Ok(json!([subject.digest(), start])),
             |(angle_deg, seed, start), observer| {
                 let starts = std::slice::from_ref(start);
-                let short = short_solves(&sequence, &prior, starts, observer, || name(*angle_deg, *seed))?;
+                let short = short_solves(&footage, &prior, target, starts, observer, || {
+                    name(*angle_deg, *seed)
+                })?;
                 Ok(Perturbed {
                     estimate: short.estimate,
                 })
             },
         )?;
-        let in_order = |estimate: &Estimate| {
-            let mut estimate = estimate.clone();
-            estimate.put_back(target);
-            estimate
-        };
         let mut runs = Vec::new();
         for ((angle_deg, seed, start), placed) in starts.iter().zip(&placed) {
             let variant = |method: &Method, label: &str, start: &Estimate| {
@@ -102,7 +103,7 @@ pub fn fig8(
                     label: label.to_owned(),
                     config: method.config.clone(),
                 };
-                (*angle_deg, *seed, named, in_order(start))
+                (*angle_deg, *seed, named, start.clone())
             };
             runs.push(variant(&ours, "ours", &placed.estimate));
             let without = Method {
@@ -117,7 +118,7 @@ pub fn fig8(
             .map(|(_, _, method, start)| (method.clone(), start.clone()))
             .collect();
         for ((angle_deg, seed, method, _), run) in runs.iter().zip(subject.runs(jobs, &methods)?) {
-            let found = run.estimate.camera_from_object(target);
+            let found = run.estimate.camera_from_object[target];
             points.push(Point {
                 sequence: subject.name.clone(),
                 method: method.label.clone(),

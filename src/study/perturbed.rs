@@ -1,7 +1,7 @@
 //! Starts at a known distance from the truth.
 
 use crate::geometry::{Pose, Rotation3, Vector3};
-use crate::init::{Estimate, motion_from_input, scale_from_inverse_depth};
+use crate::init::{Estimate, cameras_from_input, scale_from_inverse_depth};
 use crate::prior::{LearnedPrior, ShapePrior};
 use crate::sequence::Sequence;
 use crate::visibility::{Surfels, visible_points};
@@ -11,40 +11,40 @@ use rand_chacha::ChaCha8Rng;
 
 /// The target frame's true pose turned by `angle_deg` about a random axis through the object and moved by
 /// `share_of_distance` of its distance in a random direction; α and the motion from the off-the-shelf poses and depth by
-/// Eq. 11 and 13; the mean style. Frame 0 of `sequence` is the target.
+/// Eq. 11 and 13; the mean style.
 ///
 /// `None` unless there are a truth, depth of the target that meets the shape, and a pose for every frame.
 pub fn perturbed_start(
     sequence: &Sequence,
     prior: &LearnedPrior,
+    target: usize,
     angle_deg: f64,
     share_of_distance: f64,
     seed: u64,
 ) -> Option<Estimate> {
-    let truth = sequence.truth.as_ref()?.camera_from_object.first()?;
+    let truth = sequence.truth.as_ref()?.camera_from_object.get(target)?;
     let target_from_object = perturbed_pose(truth, angle_deg, share_of_distance, seed);
     let style = vec![0.0; prior.style_len()];
-    let target = sequence.frames.first()?;
+    let frame = sequence.frames.get(target)?;
     let points: Vec<f64> = prior.shape(&style).iter().flat_map(|x| [x.x, x.y, x.z]).collect();
     let visible = visible_points(
         &points,
-        &target.camera,
+        &frame.camera,
         &target_from_object,
-        target.image.size(),
+        frame.image.size(),
         Some(&Surfels::new(&points)),
     );
-    let alpha = scale_from_inverse_depth(&visible, &target.mask, target.depth.as_ref()?)?;
+    let alpha = scale_from_inverse_depth(&visible, &frame.mask, frame.depth.as_ref()?)?;
     let camera_from_input: Option<Vec<Pose>> = sequence
         .frames
         .iter()
         .map(|frame| frame.camera_from_input)
         .collect();
-    let motion = motion_from_input(&target_from_object, &camera_from_input?, alpha);
     Some(Estimate {
-        target_from_object,
-        motion,
+        camera_from_object: cameras_from_input(&target_from_object, target, &camera_from_input?, alpha),
         style,
         alpha,
+        focal_factor: 1.0,
     })
 }
 

@@ -3,10 +3,11 @@
 use super::{Effort, Jobs, Measures, Method, StudyError};
 use crate::eval::Platform;
 use crate::init::{Estimate, initialise};
+use crate::objective::{Footage, ObjectiveOptions};
 use crate::prior::{self, LearnedPrior, ShapePrior};
 use crate::report::Surface;
 use crate::sequence::{LoadOptions, Sequence, load};
-use crate::solver::{self, Evaluations, ObjectiveValue, Termination};
+use crate::solver::{self, Evaluation, Evaluations, ObjectiveValue, Termination};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -23,7 +24,7 @@ pub struct Subject {
     digest: u64,
 }
 
-/// Where all methods start; the frames in the sequence's order.
+/// Where all methods start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The hypothesis whose template fits the masks best, as the paper starts; the mean style.
@@ -35,7 +36,6 @@ pub struct Start {
 /// What a method found on a subject.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// The frames in the sequence's order.
     pub estimate: Estimate,
     pub measures: Measures,
     pub objective_start: ObjectiveValue,
@@ -92,30 +92,24 @@ impl Subject {
             |()| Ok(key.clone()),
             |(), observer| {
                 let target = self.sequence.frames.len() / 2;
-                let mut sequence = self.sequence.clone();
-                sequence.bring_to_front(target);
                 let prior: Arc<dyn ShapePrior> = Arc::new(prior::find(&config.prior)?);
                 let mean_style = vec![0.0; prior.style_len()];
                 let name = || self.name.clone();
-                let starts = initialise(&sequence, prior.as_ref(), &mean_style, &config.init)
+                let starts = initialise(&self.sequence, prior.as_ref(), &mean_style, target, &config.init)
                     .map_err(|source| StudyError::Init { name: name(), source })?;
                 let estimates: Vec<Estimate> = starts.iter().map(|start| start.estimate.clone()).collect();
-                let short = short_solves(&sequence, &prior, &estimates, observer, name)?;
-                let in_order = |estimate: &Estimate| {
-                    let mut estimate = estimate.clone();
-                    estimate.put_back(target);
-                    estimate
-                };
+                let footage = self.footage(config.solver.levels)?;
+                let short = short_solves(&footage, &prior, target, &estimates, observer, name)?;
                 Ok(Start {
-                    template: in_order(&starts[0].estimate),
-                    short: in_order(&short.estimate),
+                    template: starts[0].estimate.clone(),
+                    short: short.estimate,
                 })
             },
         )?;
         starts.into_iter().next().ok_or(StudyError::Interrupted)
     }
 
-    /// Every method from its start, side by side. A start's frames are in the sequence's order.
+    /// Every method from its start, side by side.
     pub fn runs(&self, jobs: &Jobs, methods: &[(Method, Estimate)]) -> Result<Vec<Run>, StudyError> {
         jobs.run(
             methods,
@@ -128,16 +122,13 @@ impl Subject {
     fn run(&self, method: &Method, start: &Estimate, observer: &solver::Observer) -> Result<Run, StudyError> {
         let config = &method.config;
         let target = config.input.target.unwrap_or(self.sequence.frames.len() / 2);
-        let mut sequence = self.sequence.clone();
-        sequence.bring_to_front(target);
-        let mut start = start.clone();
-        start.bring_to_front(target);
         let learned = prior::find(&config.prior)?;
         let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
         let solution = solver::refine(
-            &sequence,
+            &self.footage(config.solver.levels)?,
             &prior,
-            &start,
+            target,
+            start,
             &config.objective,
             &config.solver,
             observer,
@@ -149,8 +140,7 @@ impl Subject {
         if solution.termination == Termination::Interrupted {
             return Err(StudyError::Interrupted);
         }
-        let mut estimate = solution.estimate;
-        estimate.put_back(target);
+        let estimate = solution.estimate;
         Ok(Run {
             measures: self.measure(&learned, &estimate),
             estimate,
@@ -168,27 +158,44 @@ impl Subject {
         })
     }
 
-    /// Measures of an estimate; its frames in the sequence's order.
+    pub(super) fn footage(&self, levels: usize) -> Result<Footage<'_>, StudyError> {
+        Footage::new(&self.sequence, levels).map_err(|source| StudyError::Objective {
+            name: self.name.clone(),
+            source,
+        })
+    }
+
+    /// Measures of an estimate.
     pub fn measure(&self, prior: &LearnedPrior, estimate: &Estimate) -> Measures {
         let surface = Surface::from_points(prior.shape(&estimate.style));
         Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, estimate)
     }
 }
 
-/// As [`solver::short_solves`]; an interruption is an error, since half a short solve is no start.
+/// As [`solver::short_solves`] with the defaults; an interruption is an error, since half a short solve is no start.
 pub(super) fn short_solves(
-    sequence: &Sequence,
+    footage: &Footage,
     prior: &Arc<dyn ShapePrior>,
+    target: usize,
     starts: &[Estimate],
     observer: &solver::Observer,
     name: impl FnOnce() -> String,
 ) -> Result<solver::ShortSolves, StudyError> {
     let stopped = AtomicBool::new(false);
-    let short = solver::short_solves(sequence, prior, starts, &|row| {
+    let watched = |row: &solver::TraceRow| {
         let go_on = observer(row);
         stopped.fetch_or(!go_on, Ordering::SeqCst);
         go_on
-    })
+    };
+    let short = solver::short_solves(
+        footage,
+        prior,
+        target,
+        starts,
+        &ObjectiveOptions::default(),
+        Evaluation::default(),
+        &watched,
+    )
     .map_err(|source| StudyError::Solve { name: name(), source })?;
     match stopped.into_inner() {
         true => Err(StudyError::Interrupted),

@@ -9,6 +9,21 @@
 
 namespace spba {
 
+// rgb[3] = I(pi(point_in_camera)): what colour a point has in a frame. False behind the camera. Borrows the
+// image.
+struct PointColour {
+  Pinhole camera;
+  const ImageSampler* image;
+
+  template <typename T>
+  bool operator()(const T* point_in_camera, T* rgb) const {
+    T pixel[2];
+    if (!Project(camera, point_in_camera, pixel)) return false;
+    image->Sample(pixel, rgb);
+    return true;
+  }
+};
+
 // residual[3] = I_0(pi(point_in_target)) - I_l(pi(point_in_source)), RGB in the images' range.
 // False (an invalid evaluation) where the point is behind either camera. Borrows the images.
 struct PhotometricError {
@@ -19,11 +34,9 @@ struct PhotometricError {
 
   template <typename T>
   bool operator()(const T* point_in_target, const T* point_in_source, T* residual) const {
-    T target_pixel[2], source_pixel[2], target_rgb[3], source_rgb[3];
-    if (!Project(target_camera, point_in_target, target_pixel)) return false;
-    if (!Project(source_camera, point_in_source, source_pixel)) return false;
-    target_image->Sample(target_pixel, target_rgb);
-    source_image->Sample(source_pixel, source_rgb);
+    T target_rgb[3], source_rgb[3];
+    if (!PointColour{target_camera, target_image}(point_in_target, target_rgb)) return false;
+    if (!PointColour{source_camera, source_image}(point_in_source, source_rgb)) return false;
     for (int c = 0; c < 3; ++c) residual[c] = target_rgb[c] - source_rgb[c];
     return true;
   }

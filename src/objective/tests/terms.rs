@@ -2,6 +2,7 @@
 
 use super::*;
 
+/// Eq. 5 by its definition: brute force over all pixels and points.
 #[test]
 fn the_silhouette_term_is_the_chamfer_distance() {
     the_silhouette_term_is_that_of(0.0);
@@ -19,11 +20,11 @@ fn the_silhouette_term_is_that_of(tolerance: f64) {
         silhouette_size: 0.0,
         ..only(|o| o.silhouette_weight = 0.1)
     };
-    let mut objective = objective(&sequence, &options, &at);
-    let points = objective.points().unwrap();
+    let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, &at);
+    let points = setting.objective.points(&at);
     let mut chamfer = 0.0;
     for (l, frame) in sequence.frames.iter().enumerate() {
-        let pose = at.camera_from_object(l);
+        let pose = at.camera_from_object[l];
         let projected: Vec<_> = points
             .chunks_exact(3)
             .map(|x| {
@@ -49,7 +50,7 @@ fn the_silhouette_term_is_that_of(tolerance: f64) {
         chamfer += projected.iter().map(|u| nearest(u, &pixels)).sum::<f64>();
     }
     let expected = 0.1 * chamfer / 3.0;
-    let value = objective.evaluate().unwrap().silhouette;
+    let value = setting.value().silhouette;
     assert!(
         (value - expected).abs() < 1e-9 * expected,
         "{value} against {expected}"
@@ -76,17 +77,14 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
             (1.0 / given(c as f64 + 0.5)) as f32
         }));
     }
-    let mut objective = objective(
-        &sequence,
-        &only(|o| (o.inverse_depth_weight, o.inverse_depth_huber) = (1000.0, 10.0)),
-        &at,
-    );
-    objective.set_alpha(3.0).unwrap();
-    let points = objective.points().unwrap();
+    let options = only(|o| (o.inverse_depth_weight, o.inverse_depth_huber) = (1000.0, 10.0));
+    let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, &at);
+    setting.at.alpha = 3.0;
+    let points = setting.objective.points(&at);
     let surfels = Surfels::new(&points);
     let mut expected = 0.0;
     for (l, frame) in sequence.frames.iter().enumerate() {
-        let pose = at.camera_from_object(l);
+        let pose = at.camera_from_object[l];
         let size = frame.image.size();
         for v in visible_points(&points, &frame.camera, &pose, size, Some(&surfels)).points {
             let pixel = (v.pixel.0 as usize, v.pixel.1 as usize);
@@ -99,7 +97,7 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
             }
         }
     }
-    let value = objective.evaluate().unwrap().inverse_depth;
+    let value = setting.value().inverse_depth;
     assert!(
         expected > 1.0 && (value - expected).abs() < accuracy * expected,
         "{value} against {expected}"
@@ -110,7 +108,7 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
 /// source point 0 is hidden.
 #[test]
 fn eq_4_takes_points_inside_both_masks_and_hidden_in_neither() {
-    let seen = |points: &[u32], unoccluded: [bool; 5]| Visibility {
+    let seen = |points: &[u32], unoccluded: [bool; 5]| Seen {
         points: points
             .iter()
             .map(|&point| crate::visibility::VisiblePoint {
@@ -124,18 +122,59 @@ fn eq_4_takes_points_inside_both_masks_and_hidden_in_neither() {
     let target = seen(&[0, 1, 2], [true; 5]);
     let source = seen(&[1, 2, 3], [false, true, true, true, true]);
     let inside = [true, true, false, true, true];
-    let taken = |covisible| photometric_points([&target, &source], [&inside, &[true; 5]], covisible);
-    assert_eq!(taken(true), (vec![1, 3], vec![2, 1]));
-    assert_eq!(taken(false), (vec![0, 1, 3], vec![1, 2, 1]));
+    let taken = |covisible| {
+        photometric_points([&target, &source], [&inside, &[true; 5]], covisible).collect::<Vec<_>>()
+    };
+    assert_eq!(taken(true), [(1, 2), (3, 1)]);
+    assert_eq!(taken(false), [(0, 1), (1, 2), (3, 1)]);
 }
 
 #[test]
 fn a_shape_behind_a_camera_is_an_error() {
     let sequence = sequence(2);
-    let mut objective = objective(&sequence, &ObjectiveOptions::default(), &estimate(2));
-    let mut behind = estimate(2);
-    behind.target_from_object.translation.z = -1.6;
-    objective.set_estimate(&behind).unwrap();
-    assert!(objective.evaluate().is_err());
-    assert!(objective.gradient().is_err());
+    let footage = Footage::new(&sequence, 1).unwrap();
+    let mut setting = setting(&footage, &ObjectiveOptions::default(), &estimate(2));
+    setting.at.camera_from_object[0].translation.z = -1.6;
+    let error = setting.objective.evaluate(&setting.at, &setting.visibility);
+    assert!(error.unwrap_err().to_string().contains("behind a camera"));
+    assert!(
+        setting
+            .objective
+            .differentiate(&setting.at, &setting.visibility)
+            .is_err()
+    );
+}
+
+/// The paper's star, and neighbours: each pair's two sums by hand.
+#[test]
+fn eq_4_is_a_mean_over_pairs() {
+    let (sequence, at) = (sequence(4), estimate(4));
+    let value = |pairs: Pairs, target: usize| {
+        let options = only(|o| {
+            o.photometric_weight = 1.0;
+            o.photometric_frames = 0;
+            o.pairs = pairs;
+        });
+        setting_with_target(&Footage::new(&sequence, 1).unwrap(), &options, &at, target)
+            .value()
+            .photometric
+    };
+    let pair = |a: usize, b: usize| {
+        let mut two = sequence.clone();
+        two.frames = vec![sequence.frames[a].clone(), sequence.frames[b].clone()];
+        let mut estimate = at.clone();
+        estimate.camera_from_object = vec![at.camera_from_object[a], at.camera_from_object[b]];
+        let options = only(|o| {
+            o.photometric_weight = 1.0;
+            o.pairs = Pairs::Star;
+        });
+        super::value(&two, &options, &estimate).photometric
+    };
+    let close = |found: f64, expected: f64| {
+        assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+    };
+    close(value(Pairs::Star, 0), pair(0, 1) + pair(0, 2) + pair(0, 3));
+    close(value(Pairs::Star, 2), pair(2, 0) + pair(2, 1) + pair(2, 3));
+    let five = pair(0, 1) + pair(1, 2) + pair(2, 3) + pair(0, 2) + pair(1, 3);
+    close(value(Pairs::Offsets(vec![1, 2, 8]), 0), 3.0 / 5.0 * five);
 }

@@ -1,0 +1,109 @@
+#include "core/nearest.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace spba {
+
+SilhouetteLookup::SilhouetteLookup(int width, int padding, int grid_width, int grid_height,
+                                   std::vector<uint32_t> nearest, std::vector<uint32_t> boundary)
+    : width_(width),
+      padding_(padding),
+      grid_width_(grid_width),
+      grid_height_(grid_height),
+      nearest_(std::move(nearest)),
+      boundary_(std::move(boundary)) {}
+
+Eigen::Vector2d SilhouetteLookup::Centre(uint32_t index) const {
+  return {index % width_ + 0.5, index / width_ + 0.5};
+}
+
+Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point) const {
+  Eigen::Vector2d best = Eigen::Vector2d::Zero();
+  double best_distance = std::numeric_limits<double>::infinity();
+  const auto consider = [&](uint32_t index) {
+    const Eigen::Vector2d centre = Centre(index);
+    const double distance = (centre - point).squaredNorm();
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = centre;
+    }
+  };
+  const double column = std::floor(point.x()) + padding_;
+  const double row = std::floor(point.y()) + padding_;
+  if (column < 1 || row < 1 || column >= grid_width_ - 1 || row >= grid_height_ - 1) {
+    for (const uint32_t index : boundary_) consider(index);
+    return best;
+  }
+  // The nearest pixel of a cell's centre need not be that of every point in the cell; a neighbouring cell's
+  // is.
+  for (int r = static_cast<int>(row) - 1; r <= static_cast<int>(row) + 1; ++r) {
+    for (int c = static_cast<int>(column) - 1; c <= static_cast<int>(column) + 1; ++c) {
+      consider(nearest_[static_cast<size_t>(r) * grid_width_ + c]);
+    }
+  }
+  return best;
+}
+
+PointGrid::PointGrid(const std::vector<Eigen::Vector2d>& points) : points_(points) {
+  Eigen::Vector2d high = points.front();
+  low_ = high;
+  for (const Eigen::Vector2d& point : points) {
+    low_ = low_.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  // About two points a cell; never finer than a pixel, never more cells than points ask for.
+  const Eigen::Vector2d extent = (high - low_).cwiseMax(1.0);
+  cell_size_ = std::max(1.0, std::sqrt(2.0 * extent.x() * extent.y() / points.size()));
+  cell_size_ = std::max(cell_size_, extent.maxCoeff() / 4096.0);
+  columns_ = static_cast<int>(extent.x() / cell_size_) + 1;
+  rows_ = static_cast<int>(extent.y() / cell_size_) + 1;
+
+  std::vector<int> cells(points.size());
+  first_.assign(static_cast<size_t>(columns_) * rows_ + 1, 0);
+  for (size_t i = 0; i < points.size(); ++i) {
+    const int column = std::min(columns_ - 1, static_cast<int>((points[i].x() - low_.x()) / cell_size_));
+    const int row = std::min(rows_ - 1, static_cast<int>((points[i].y() - low_.y()) / cell_size_));
+    cells[i] = row * columns_ + column;
+    ++first_[cells[i] + 1];
+  }
+  for (size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
+  order_.resize(points.size());
+  std::vector<int> next(first_.begin(), first_.end() - 1);
+  for (size_t i = 0; i < points.size(); ++i) order_[next[cells[i]]++] = static_cast<int>(i);
+}
+
+int PointGrid::Nearest(const Eigen::Vector2d& pixel) const {
+  const Eigen::Vector2d position = (pixel - low_) / cell_size_;
+  const int column = std::clamp(static_cast<int>(std::floor(position.x())), 0, columns_ - 1);
+  const int row = std::clamp(static_cast<int>(std::floor(position.y())), 0, rows_ - 1);
+  // A pixel outside the grid is searched from its nearest cell; every cell of ring k is then at least
+  // (k - 1) cells away from the pixel's foot on the grid, and so from the pixel.
+  int best = -1;
+  double best_distance = std::numeric_limits<double>::infinity();
+  const int last_ring = std::max(columns_, rows_);
+  for (int ring = 0; ring <= last_ring; ++ring) {
+    const double reach = (ring - 1) * cell_size_;
+    if (best >= 0 && ring > 0 && reach > 0 && reach * reach > best_distance) break;
+    for (int r = row - ring; r <= row + ring; ++r) {
+      if (r < 0 || r >= rows_) continue;
+      const bool edge_row = r == row - ring || r == row + ring;
+      const int step = edge_row ? 1 : std::max(1, 2 * ring);
+      for (int c = column - ring; c <= column + ring; c += step) {
+        if (c < 0 || c >= columns_) continue;
+        const int cell = r * columns_ + c;
+        for (int k = first_[cell]; k < first_[cell + 1]; ++k) {
+          const double distance = (points_[order_[k]] - pixel).squaredNorm();
+          if (distance < best_distance || (distance == best_distance && order_[k] < best)) {
+            best_distance = distance;
+            best = order_[k];
+          }
+        }
+      }
+    }
+  }
+  return best;
+}
+
+}  // namespace spba

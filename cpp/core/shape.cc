@@ -1,0 +1,28 @@
+#include "core/shape.h"
+
+namespace spba {
+
+const std::vector<double>& ShapeMemory::Points(const Prior& prior, const std::vector<double>& style) {
+  if (!points_.known || points_.style != style) {
+    points_.known = false;
+    points_.values.resize(3 * static_cast<size_t>(prior.point_count));
+    prior.points(style, &points_.values);
+    points_.style = style;
+    points_.known = true;
+  }
+  return points_.values;
+}
+
+const std::vector<double>& ShapeMemory::Jacobian(const Prior& prior, const std::vector<double>& style) {
+  if (!jacobian_.known || (!prior.is_linear && jacobian_.style != style)) {
+    jacobian_.known = false;
+    jacobian_.values.resize(3 * static_cast<size_t>(prior.point_count) *
+                            static_cast<size_t>(prior.style_count));
+    prior.jacobian(style, &jacobian_.values);
+    jacobian_.style = style;
+    jacobian_.known = true;
+  }
+  return jacobian_.values;
+}
+
+}  // namespace spba

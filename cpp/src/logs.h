@@ -1,9 +1,0 @@
-// Where Ceres's log lines go.
-#pragma once
-
-namespace spba {
-
-// Sends them to Rust instead of standard error and files; a host that set glog up keeps its own destinations.
-void RouteLogs();
-
-}  // namespace spba

@@ -1,0 +1,524 @@
+// The accumulated evaluation against the residual blocks: cost, gradient, normal matrix and the steps of
+// Levenberg-Marquardt, for every term and loss, at random and at awkward points; and what an evaluation must
+// not depend on. Prints one line per check; exits with the number of failures.
+#include <ceres/ceres.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/accumulated_cost.h"
+#include "core/blocks.h"
+#include "core/minimise.h"
+#include "core/terms/focal.h"
+#include "core/terms/inverse_depth.h"
+#include "core/terms/motion.h"
+#include "core/terms/photometric.h"
+#include "core/terms/silhouette.h"
+#include "core/terms/style.h"
+
+namespace {
+
+using namespace spba;
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kWidth = 48, kHeight = 40, kFrames = 4, kPoints = 180, kStyles = 5;
+
+int failures = 0;
+
+void Check(const std::string& name, bool holds, const std::string& found) {
+  if (!holds) ++failures;
+  std::printf("%s %s: %s\n", holds ? "ok  " : "FAIL", name.c_str(), found.c_str());
+}
+
+// A bumpy ball of points, stretched and bent by styles; not linear in them if `bent`.
+Prior Ball(bool bent) {
+  const auto point = [bent](int j, const std::vector<double>& s, double* x, double* by_style) {
+    const double y = 1.0 - 2.0 * (j + 0.5) / kPoints, r = std::sqrt(1.0 - y * y), a = 2.399963 * j;
+    const double mean[3] = {0.3 * r * std::cos(a), 0.3 * y, 0.3 * r * std::sin(a)};
+    for (int i = 0; i < 3; ++i) {
+      x[i] = mean[i];
+      for (int k = 0; k < kStyles; ++k) {
+        const double mode = 0.02 * std::sin(3.0 * k + 5.0 * mean[(i + k) % 3] + i);
+        x[i] += mode * (bent ? std::sin(s[static_cast<size_t>(k)]) : s[static_cast<size_t>(k)]);
+        by_style[i * kStyles + k] = mode * (bent ? std::cos(s[static_cast<size_t>(k)]) : 1.0);
+      }
+    }
+  };
+  Prior prior;
+  prior.point_count = kPoints;
+  prior.style_count = kStyles;
+  prior.is_linear = !bent;
+  prior.points = [point](const std::vector<double>& s, std::vector<double>* points) {
+    double ignored[3 * kStyles];
+    for (int j = 0; j < kPoints; ++j) point(j, s, &(*points)[3 * static_cast<size_t>(j)], ignored);
+  };
+  prior.jacobian = [point](const std::vector<double>& s, std::vector<double>* jacobian) {
+    double ignored[3];
+    for (int j = 0; j < kPoints; ++j)
+      point(j, s, ignored, &(*jacobian)[3 * kStyles * static_cast<size_t>(j)]);
+  };
+  return prior;
+}
+
+// Smooth images and round masks.
+struct Scene {
+  std::vector<std::vector<float>> images;
+  std::shared_ptr<Footage> footage = std::make_shared<Footage>();
+  SilhouetteOptions silhouettes;
+  Visibility visibility;
+
+  Scene() {
+    const Pinhole camera{60.0, 61.0, 23.5, 20.5};
+    for (int l = 0; l < kFrames; ++l) {
+      images.emplace_back();
+      for (int row = 0; row < kHeight; ++row) {
+        for (int column = 0; column < kWidth; ++column) {
+          for (int c = 0; c < 3; ++c) {
+            images.back().push_back(
+                static_cast<float>(120 + 90 * std::sin(0.19 * column + 0.13 * row * (c + 1) + 0.2 * l)));
+          }
+        }
+      }
+    }
+    for (int l = 0; l < kFrames; ++l) {
+      FrameFootage& frame = footage->frames.emplace_back();
+      frame.camera = camera;
+      frame.levels.push_back(
+          std::make_unique<LevelImage>(camera, images[static_cast<size_t>(l)].data(), kWidth, kHeight));
+      AddMask(l, &frame);
+    }
+    // Neighbours and the ends, each point in some of them.
+    visibility.pairs = {{0, 1, 1.0}, {1, 2, 1.0}, {3, 2, 0.7}, {0, 3, 0.4}};
+    std::vector<Comparison> comparisons;
+    std::vector<int> of;
+    for (int j = 0; j < kPoints; ++j) {
+      for (uint32_t pair = 0; pair < visibility.pairs.size(); ++pair) {
+        if ((j + static_cast<int>(pair)) % 3 == 0) continue;
+        comparisons.push_back({pair, static_cast<uint8_t>(1 + j % 2)});
+        of.push_back(j);
+      }
+    }
+    visibility.comparisons = PointLists<Comparison>(kPoints, comparisons, [&](size_t i) { return of[i]; });
+    std::vector<SeenDepth> depths;
+    of.clear();
+    for (int j = 0; j < kPoints; j += 2) {
+      for (uint32_t l = 0; l < kFrames; ++l) {
+        depths.push_back({l, {camera, {20.5 + j % 9, 18.5}, 0.5 + 0.002 * (j % 17), {0.001, -0.002}}});
+        of.push_back(j);
+      }
+    }
+    visibility.depths = PointLists<SeenDepth>(kPoints, depths, [&](size_t i) { return of[i]; });
+  }
+
+  void AddMask(int l, FrameFootage* frame) {
+    constexpr int kPadding = 6, kGridWidth = kWidth + 2 * kPadding, kGridHeight = kHeight + 2 * kPadding;
+    std::vector<uint32_t> inside, nearest;
+    for (int row = 0; row < kHeight; ++row) {
+      for (int column = 0; column < kWidth; ++column) {
+        if (std::hypot(column - 23.0 - l, row - 20.0) < 10.0) {
+          inside.push_back(static_cast<uint32_t>(row * kWidth + column));
+        }
+      }
+    }
+    for (int row = 0; row < kGridHeight; ++row) {
+      for (int column = 0; column < kGridWidth; ++column) {
+        uint32_t best = 0;
+        int least = std::numeric_limits<int>::max();
+        for (const uint32_t i : inside) {
+          const int x = static_cast<int>(i % kWidth) + kPadding - column;
+          const int y = static_cast<int>(i / kWidth) + kPadding - row;
+          if (x * x + y * y < least) {
+            least = x * x + y * y;
+            best = i;
+          }
+        }
+        nearest.push_back(best);
+      }
+    }
+    frame->silhouette = std::make_unique<SilhouetteLookup>(kWidth, kPadding, kGridWidth, kGridHeight,
+                                                           std::move(nearest), inside);
+    SilhouetteShare& share = silhouettes.frames.emplace_back();
+    for (size_t k = 0; k < inside.size(); k += 2) {
+      share.pixels.emplace_back(inside[k] % kWidth + 0.5, inside[k] / kWidth + 0.5);
+    }
+    share.pixel_weight = 2.0;
+    share.points = kPoints / 2;
+    share.point_weight = 3.0;
+  }
+};
+
+// Cameras around the ball, at rotations near 0 and near a half turn too.
+Variables Start(double angle, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  Variables variables;
+  const Vector3 axis = Vector3(unit(random), unit(random), unit(random)).normalized();
+  const Matrix3 first = RotationFromTwist(angle * axis);
+  for (int l = 0; l < kFrames; ++l) {
+    Pose pose;
+    pose.rotation = RotationFromTwist(Vector3(0.02 * unit(random), 0.11 * l, 0.02 * unit(random))) * first;
+    pose.translation = Vector3(0.05 * unit(random), 0.05 * unit(random), 1.6 + 0.1 * unit(random));
+    variables.camera_from_object.push_back(pose);
+  }
+  for (int k = 0; k < kStyles; ++k) variables.style.push_back(unit(random));
+  variables.log_alpha = 0.2 * unit(random);
+  variables.log_focal = 0.05 * unit(random);
+  return variables;
+}
+
+MotionOptions Motions(const Variables& around) {
+  MotionOptions options;
+  options.weight = 300.0;
+  options.cauchy_width = 0.02;
+  options.frames = kFrames;
+  for (const auto& [a, b] : {std::pair{0, 1}, std::pair{3, 1}, std::pair{0, 3}}) {
+    KnownMotion motion{a, b, {}};
+    const Pose& from = around.camera_from_object[static_cast<size_t>(a)];
+    const Pose& to = around.camera_from_object[static_cast<size_t>(b)];
+    const Matrix3 rotation =
+        RotationFromTwist(Vector3(0.03, -0.02, 0.01)) * to.rotation * from.rotation.transpose();
+    const Vector3 translation = to.translation - rotation * from.translation;
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(motion.error.rotation) = rotation;
+    Eigen::Map<Vector3>{motion.error.translation} = translation;
+    options.motions.push_back(motion);
+  }
+  return options;
+}
+
+struct Case {
+  std::string name;
+  std::unique_ptr<Objective> objective;
+};
+
+std::vector<Case> Cases(const Scene& scene, const Variables& start) {
+  std::vector<Case> cases;
+  const auto add = [&](const std::string& name, bool bent, bool weak) -> Objective& {
+    cases.push_back({name, std::make_unique<Objective>(scene.footage, Ball(bent), weak)});
+    return *cases.back().objective;
+  };
+  const auto silhouette = [&](double cauchy, double tolerance) {
+    SilhouetteOptions options = scene.silhouettes;
+    options.weight = 0.8;
+    options.cauchy_width = cauchy;
+    options.tolerance = tolerance;
+    return MakeSilhouetteTerm(options);
+  };
+  add("photometric, wide Huber", false, false).Add(MakePhotometricTerm({1e-3, 1e4}));
+  add("photometric, all in the tail", true, false).Add(MakePhotometricTerm({1e-3, 0.1}));
+  add("photometric", true, false).Add(MakePhotometricTerm({1e-3, 20.0}));
+  add("photometric, weak perspective", true, true).Add(MakePhotometricTerm({1e-3, 20.0}));
+  add("silhouette, squares", true, false).Add(silhouette(0.0, 0.0));
+  add("silhouette, Cauchy and tolerance", true, false).Add(silhouette(0.7, 0.5));
+  add("silhouette, weak perspective", false, true).Add(silhouette(0.7, 0.5));
+  add("inverse depth, wide Huber", true, false).Add(MakeInverseDepthTerm({1000.0, 10.0, kFrames}));
+  add("inverse depth", true, false).Add(MakeInverseDepthTerm({1000.0, 0.003, kFrames}));
+  add("style", false, false).Add(MakeStyleTerm({3.0, 0.0}));
+  add("style beyond its reach", false, false).Add(MakeStyleTerm({3.0, 0.4}));
+  add("motion", false, false).Add(MakeMotionTerm(Motions(start)));
+  add("focal", false, false).Add(MakeFocalTerm({0.03}));
+  Objective& all = add("all terms", false, false);
+  all.Add(MakePhotometricTerm({1e-3, 20.0}));
+  all.Add(silhouette(0.7, 0.5));
+  all.Add(MakeInverseDepthTerm({1000.0, 0.003, kFrames}));
+  all.Add(MakeStyleTerm({3.0, 1.0}));
+  all.Add(MakeMotionTerm(Motions(start)));
+  all.Add(MakeFocalTerm({0.03}));
+  return cases;
+}
+
+// Largest difference as a share of the largest entry.
+template <typename A, typename B>
+double Difference(const A& a, const B& b) {
+  const double largest = std::max(a.cwiseAbs().maxCoeff(), 1e-300);
+  return (a - b).cwiseAbs().maxCoeff() / largest;
+}
+
+Eigen::MatrixXd Dense(const ceres::CRSMatrix& matrix) {
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(matrix.num_rows, matrix.num_cols);
+  for (int row = 0; row < matrix.num_rows; ++row) {
+    for (int i = matrix.rows[static_cast<size_t>(row)]; i < matrix.rows[static_cast<size_t>(row) + 1]; ++i) {
+      dense(row, matrix.cols[static_cast<size_t>(i)]) = matrix.values[static_cast<size_t>(i)];
+    }
+  }
+  return dense;
+}
+
+// The accumulated evaluation at moved coordinates against Ceres's own sums over the blocks, and against
+// differences of the cost.
+void CompareAt(const std::string& name, const Objective& objective, const Visibility& visibility,
+               const Variables& start, const Free& free, double move, bool numerically) {
+  Coordinates coordinates(start, free, 1);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  std::vector<double> values = coordinates.values();
+  for (const Coordinates::Block& block : coordinates.blocks()) {
+    for (int i = 0; i < block.size; ++i) values[block.offset + static_cast<size_t>(i)] += move * unit(random);
+  }
+  coordinates.SetValues(values);
+
+  Counts counts;
+  BlockProblem blocks(objective, visibility, &coordinates, &counts);
+  ceres::Problem::EvaluateOptions options;
+  int column = 0;
+  // Not every term has all blocks.
+  std::vector<int> columns;
+  for (const Coordinates::Block& block : coordinates.blocks()) {
+    double* const at = coordinates.Values(block);
+    if (blocks.problem().HasParameterBlock(at)) {
+      options.parameter_blocks.push_back(at);
+      for (int i = 0; i < block.size; ++i) columns.push_back(column + i);
+    }
+    column += block.size;
+  }
+  double cost = 0.0;
+  std::vector<double> gradient;
+  ceres::CRSMatrix jacobian;
+  if (!blocks.problem().Evaluate(options, &cost, nullptr, &gradient, &jacobian)) {
+    Check(name, false, "the blocks cannot be evaluated: " + blocks.state().failure());
+    return;
+  }
+  const Eigen::MatrixXd dense = Dense(jacobian);
+  const Eigen::MatrixXd squares = dense.transpose() * dense;
+  Eigen::VectorXd expected_gradient = Eigen::VectorXd::Zero(column);
+  Eigen::MatrixXd expected_matrix = Eigen::MatrixXd::Zero(column, column);
+  for (size_t i = 0; i < columns.size(); ++i) {
+    expected_gradient[columns[i]] = gradient[i];
+    for (size_t k = 0; k < columns.size(); ++k) {
+      expected_matrix(columns[i], columns[k]) = squares(static_cast<int>(i), static_cast<int>(k));
+    }
+  }
+
+  ShapeMemory memory;
+  const auto evaluate = [&](Want want) {
+    return objective.Evaluate(coordinates.Current(), visibility, want, free.log_focal, 1, &memory);
+  };
+  const Evaluation found = evaluate(Want::kNormalMatrix);
+  const Eigen::VectorXd found_gradient = coordinates.Gradient(found.equations.gradient);
+  const double of_cost = std::abs(found.Cost() - cost) / cost;
+  const double without = std::abs(evaluate(Want::kCost).Cost() - cost) / cost;
+  const double of_gradient = Difference(expected_gradient, found_gradient);
+  const double only_gradient =
+      Difference(expected_gradient, coordinates.Gradient(evaluate(Want::kGradient).equations.gradient));
+  const double of_matrix = Difference(expected_matrix, coordinates.NormalMatrix(found.equations.matrix));
+  char text[200];
+  std::snprintf(text, sizeof(text), "cost %.1e, %.1e, gradient %.1e, %.1e, normal matrix %.1e", of_cost,
+                without, of_gradient, only_gradient, of_matrix);
+  Check(name, found.ok() && std::max({of_cost, without, of_gradient, only_gradient, of_matrix}) < 1e-9, text);
+
+  const SquareRoot root(coordinates.NormalMatrix(found.equations.matrix), found_gradient);
+  const double of_root = Difference(expected_matrix, (root.root.transpose() * root.root).eval());
+  const double of_residual = Difference(expected_gradient, (root.root.transpose() * root.residual).eval());
+  std::snprintf(text, sizeof(text), "R^T R %.1e, R^T r %.1e", of_root, of_residual);
+  Check(name + ", square root", std::max(of_root, of_residual) < 1e-9, text);
+
+  if (!numerically) return;
+  Eigen::VectorXd numeric(column);
+  int entry = 0;
+  constexpr double kStep = 1e-7;
+  for (const Coordinates::Block& block : coordinates.blocks()) {
+    for (int i = 0; i < block.size; ++i) {
+      const auto cost_at = [&](double step) {
+        std::vector<double> moved = values;
+        moved[block.offset + static_cast<size_t>(i)] += step;
+        coordinates.SetValues(moved);
+        return evaluate(Want::kCost).Cost();
+      };
+      numeric[entry++] = (cost_at(kStep) - cost_at(-kStep)) / (2.0 * kStep);
+    }
+  }
+  // Rounding of two costs over the step, and kinks where a nearest pixel changes.
+  const double of_numeric = Difference(numeric, found_gradient);
+  std::snprintf(text, sizeof(text), "%.1e", of_numeric);
+  Check(name + ", against differences", of_numeric < 2e-4, text);
+}
+
+// The costs of Levenberg-Marquardt's iterations from the same start.
+std::vector<double> Course(const Objective& objective, const Visibility& visibility, const Variables& start,
+                           const Free& free, const MinimiseOptions& options, Variables* end) {
+  std::vector<double> costs;
+  *end = start;
+  ShapeMemory memory;
+  Minimise(
+      objective, visibility, free, 1, options,
+      [&](const IterationState& state) {
+        double total = 0.0;
+        for (const double cost : state.costs) total += cost;
+        costs.push_back(total);
+        return true;
+      },
+      &memory, end);
+  return costs;
+}
+
+void CompareCourses(const std::string& name, const Objective& objective, const Visibility& visibility,
+                    const Variables& start, const Free& free, bool line_search) {
+  MinimiseOptions options;
+  options.max_iterations = 12;
+  options.tolerance = 0.0;
+  options.line_search = line_search;
+  Variables end, block_end;
+  const std::vector<double> accumulated = Course(objective, visibility, start, free, options, &end);
+  options.evaluation = EvaluationKind::kBlocks;
+  const std::vector<double> blocks = Course(objective, visibility, start, free, options, &block_end);
+  double largest = accumulated.size() == blocks.size() ? 0.0 : 1.0;
+  for (size_t i = 0; i < std::min(accumulated.size(), blocks.size()); ++i) {
+    largest = std::max(largest, std::abs(accumulated[i] - blocks[i]) / blocks[i]);
+  }
+  char text[200];
+  std::snprintf(text, sizeof(text), "%zu iterations, %g to %g, costs differ by %.1e at most",
+                blocks.size() - 1, blocks.front(), blocks.back(), largest);
+  Check(name, largest < 1e-6 && blocks.size() > 10 && blocks.back() < 0.9 * blocks.front(), text);
+}
+
+bool SameBytes(const Evaluation& a, const Evaluation& b) {
+  const auto same = [](const double* x, const double* y, Eigen::Index count) {
+    return std::memcmp(x, y, sizeof(double) * static_cast<size_t>(count)) == 0;
+  };
+  return a.equations.costs == b.equations.costs && a.equations.matrix.size() == b.equations.matrix.size() &&
+         same(a.equations.gradient.data(), b.equations.gradient.data(), a.equations.gradient.size()) &&
+         same(a.equations.matrix.data(), b.equations.matrix.data(), a.equations.matrix.size());
+}
+
+// A failed evaluation is a failure, not a cost of 0, and leaves nothing behind.
+void CheckFailures(const Scene& scene, const Variables& start) {
+  bool fails = false;
+  Prior prior = Ball(false);
+  const auto points = prior.points;
+  prior.points = [&fails, points](const std::vector<double>& style, std::vector<double>* out) {
+    if (fails) throw std::runtime_error("the prior says no");
+    points(style, out);
+  };
+  Objective objective(scene.footage, prior, false);
+  objective.Add(MakePhotometricTerm({1e-3, 20.0}));
+  objective.Add(MakeInverseDepthTerm({1000.0, 0.003, kFrames}));
+  ShapeMemory memory;
+  const auto evaluate = [&](const Variables& at) {
+    return objective.Evaluate(at, scene.visibility, Want::kNormalMatrix, false, 1, &memory);
+  };
+  const Evaluation before = evaluate(start);
+  Variables moved = start;
+  moved.style[0] += 0.1;
+  fails = true;
+  const Evaluation failed = evaluate(moved);
+  Check("a prior that fails", !failed.ok() && failed.failure == "the prior says no", failed.failure);
+  fails = false;
+  Check("the evaluation after it", evaluate(moved).ok() && SameBytes(before, evaluate(start)),
+        "the same bytes");
+
+  Variables behind = start;
+  behind.camera_from_object[2].translation.z() = -1.0;
+  Check("a shape behind a camera", evaluate(behind).failure == kBehindCamera, evaluate(behind).failure);
+
+  for (const EvaluationKind kind : {EvaluationKind::kAccumulated, EvaluationKind::kBlocks}) {
+    const std::string name = kind == EvaluationKind::kBlocks ? "blocks: " : "accumulated: ";
+    MinimiseOptions options;
+    options.evaluation = kind;
+    const auto minimise = [&](Variables from, const IterationObserver& observer) {
+      ShapeMemory fresh;
+      Minimise(objective, scene.visibility, Free{}, 1, options, observer, &fresh, &from);
+      return from;
+    };
+    const auto message = [&](const Variables& from, const IterationObserver& observer) -> std::string {
+      try {
+        minimise(from, observer);
+      } catch (const std::exception& error) {
+        return error.what();
+      }
+      return "nothing";
+    };
+    // Every evaluation but the first few fails: the steps are not taken, and the solve ends where it stood.
+    int left = 0;
+    const auto observer = [&](const IterationState&) {
+      fails = --left <= 0;
+      return true;
+    };
+    left = 3;
+    const std::string late = message(start, observer);
+    fails = false;
+    Check(name + "a prior that fails in the middle", late == "nothing", late);
+    fails = true;
+    const std::string early = message(start, [](const IterationState&) { return true; });
+    fails = false;
+    Check(name + "a prior that fails at the start", early == "the prior says no", early);
+    const std::string back = message(behind, [](const IterationState&) { return true; });
+    Check(name + "a start behind a camera", back == kBehindCamera, back);
+    const std::string thrown =
+        message(start, [](const IterationState&) -> bool { throw std::runtime_error("stop"); });
+    Check(name + "an observer that throws", thrown == "stop", thrown);
+  }
+}
+
+// The paper's p0 moves all frames, dp_l one: Eq. 2-3 with finite motions.
+void CheckComposition(const Variables& start) {
+  const int target = 1;
+  const Pose& p0 = start.camera_from_object[target];
+  Coordinates together(start, {PoseMotion::kTogether, false, false, false}, target);
+  std::vector<double> values = together.values();
+  const double twist[6] = {0.4, -0.9, 0.3, 0.1, -0.2, 0.5};
+  std::copy(twist, twist + 6, values.begin());
+  together.SetValues(values);
+  const Variables moved = together.Current();
+  const Pose moved_p0 = Twisted(p0, twist);
+  double difference = 0.0;
+  for (int l = 0; l < kFrames; ++l) {
+    const Pose& pose = start.camera_from_object[static_cast<size_t>(l)];
+    const Matrix3 relative = pose.rotation * p0.rotation.transpose();
+    const Vector3 shift = pose.translation - p0.translation;
+    const Pose& found = moved.camera_from_object[static_cast<size_t>(l)];
+    difference = std::max(difference, (found.rotation - relative * moved_p0.rotation).norm());
+    difference = std::max(difference, (found.translation - (shift + moved_p0.translation)).norm());
+  }
+  Check("moving p0 keeps every dp_l", difference < 1e-12, std::to_string(difference));
+}
+
+}  // namespace
+
+int main() {
+  const Scene scene;
+  const Free every{PoseMotion::kEach, true, true, true};
+  for (const auto& [angle, seed] : {std::pair{0.9, 1u}, {0.0, 2u}, {1e-9, 3u}, {kPi - 1e-7, 4u}, {kPi, 5u}}) {
+    const Variables start = Start(angle, seed);
+    for (const Case& one : Cases(scene, start)) {
+      CompareAt(one.name, *one.objective, scene.visibility, start, every, 0.0, true);
+      CompareAt(one.name + ", moved", *one.objective, scene.visibility, start, every, 0.02, seed == 1);
+    }
+  }
+  const Variables start = Start(0.9, 1);
+  const std::vector<Case> cases = Cases(scene, start);
+  const Objective& all = *cases.back().objective;
+  for (const PoseMotion poses : {PoseMotion::kTogether, PoseMotion::kSources, PoseMotion::kHeld}) {
+    const std::string name = "poses " + std::to_string(static_cast<int>(poses));
+    CompareAt(name, all, scene.visibility, start, {poses, true, true, true}, 0.03, true);
+    CompareAt(name + " alone", all, scene.visibility, start,
+              {poses, poses == PoseMotion::kHeld, false, false}, 0.03, true);
+  }
+  for (const Case& one : cases) {
+    // The others have no freedom to speak of, or end at once.
+    if (one.name == "all terms" || one.name == "photometric" ||
+        one.name == "silhouette, Cauchy and tolerance" || one.name == "photometric, all in the tail") {
+      CompareCourses(one.name + ", Levenberg-Marquardt", *one.objective, scene.visibility, start, Free{},
+                     false);
+    }
+  }
+  CompareCourses("all terms with focal, Levenberg-Marquardt", all, scene.visibility, start, every, false);
+  CompareCourses("all terms, p0, Levenberg-Marquardt", all, scene.visibility, start,
+                 {PoseMotion::kTogether, false, true, false}, false);
+  CompareCourses("all terms, L-BFGS", all, scene.visibility, start, Free{}, true);
+
+  ShapeMemory memory;
+  const auto with_threads = [&](int threads) {
+    return all.Evaluate(start, scene.visibility, Want::kNormalMatrix, true, threads, &memory);
+  };
+  Check("threads", SameBytes(with_threads(1), with_threads(2)) && SameBytes(with_threads(1), with_threads(7)),
+        "the same bytes with 1, 2 and 7");
+  CheckFailures(scene, start);
+  CheckComposition(start);
+  std::printf("%d failures\n", failures);
+  return failures > 255 ? 255 : failures;
+}
