@@ -155,6 +155,8 @@ fn a_result_and_its_input_against_truth() {
     );
     let table = eval(&[&result, Path::new("--truth"), &truth]).assert().success();
     let table = String::from_utf8(table.get_output().stdout.clone()).unwrap();
+    assert!(of("result", "depth_error_at_best_scale").as_f64() <= of("result", "depth_error").as_f64());
+    assert!((of("result", "best_depth_scale").as_f64().unwrap() - 1.0).abs() < 0.005);
     assert!(
         table.contains("camera orientation error") && table.contains("2.000 / 2.000"),
         "{table}"
@@ -390,3 +392,6 @@ fn faults_are_one_line() {
     );
     assert_eq!(text.lines().count(), 1, "{text}");
 }
+    // Depths of 2 + 0.0005 column, 0.01 short: nearly all of it is scale.
+    assert!(errors["depth_error_at_best_scale"].as_f64().unwrap() < 1e-4);
+    assert!((errors["best_depth_scale"].as_f64().unwrap() - 1.005).abs() < 1e-4);

@@ -297,6 +297,10 @@ fn print_turn(columns: &[(&str, TurnTable)]) {
     summary("mean", &|errors| errors.summary.mean);
     summary("max", &|errors| errors.summary.max);
     summary("offset fitted", &|errors| errors.offset_deg);
+    row("  at the best scale", &|e| number(e.depth_error_at_best_scale));
+    row("  the best scale / the given one", &|e| {
+        number(e.best_depth_scale)
+    });
     for (title, table) in columns {
         let [x, y, z] = table.errors.axis;
         println!("axis in camera 0, {title}: ({x:.4}, {y:.4}, {z:.4})");
