@@ -96,7 +96,14 @@ fn rendered() -> (Surface, Sequence, Estimate) {
     (surface, sequence, estimate)
 }
 
-fn write_result(surface: &Surface, sequence: &Sequence, estimate: Estimate, out: &Path) {
+/// A result that says that it was solved from `input`, with the configuration `config`.
+fn write_result_of(
+    (input, config): (&Path, &str),
+    surface: &Surface,
+    sequence: &Sequence,
+    estimate: Estimate,
+    out: &Path,
+) {
     let solution = Solution {
         estimate,
         objective_start: ObjectiveValue::default(),
@@ -113,12 +120,17 @@ fn write_result(surface: &Surface, sequence: &Sequence, estimate: Estimate, out:
         sequence,
         solution: &solution,
         surface,
-        input: "ellipsoid",
+        input: input.to_str().unwrap(),
         prior: "none 1",
-        config: "",
+        config,
         peak_memory_mb: None,
     };
     spba_ceres::report::write(&input, out).unwrap();
+}
+
+/// The same where the input does not matter.
+fn write_result(surface: &Surface, sequence: &Sequence, estimate: Estimate, out: &Path) {
+    write_result_of((Path::new("ellipsoid"), ""), surface, sequence, estimate, out);
 }
 
 #[test]
@@ -132,13 +144,15 @@ fn a_result_and_its_input_against_truth() {
     for pose in &mut estimate.camera_from_object {
         pose.rotation = roll * pose.rotation;
     }
-    write_result(&surface, &sequence, estimate, &result);
+    write_result_of((&truth, ""), &surface, &sequence, estimate, &result);
 
     let errors = json(&mut eval(&[&result, Path::new("--truth"), &truth]));
     let of = |column: &str, key: &str| errors[column][key].clone();
     assert!((of("result", "orientation_error_deg")["mean"].as_f64().unwrap() - 2.0).abs() < 1e-6);
     assert!(of("result", "location_error_percent")["max"].as_f64().unwrap() < 1e-6);
     assert!(of("result", "depth_error").as_f64().unwrap() < 0.005);
+    assert!(of("result", "depth_error_at_best_scale").as_f64() <= of("result", "depth_error").as_f64());
+    assert!((of("result", "best_depth_scale").as_f64().unwrap() - 1.0).abs() < 0.005);
     assert!(of("result", "silhouette_iou_mean").as_f64().unwrap() > 0.95);
     assert!(of("result", "chamfer_percent").as_f64().unwrap() < 1e-3);
     assert!(of("input", "orientation_error_deg")["max"].as_f64().unwrap() < 1e-6);
@@ -154,6 +168,119 @@ fn a_result_and_its_input_against_truth() {
     assert!(
         table.contains("camera orientation error") && table.contains("2.000 / 2.000"),
         "{table}"
+    );
+}
+
+/// Standard output as JSON, and standard error.
+fn json_and_notes(command: &mut Command) -> (Value, String) {
+    let output = command.arg("--json").assert().success().get_output().clone();
+    (
+        serde_json::from_slice(&output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+#[test]
+fn the_input_beside_a_result_is_what_it_was_solved_from() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (surface, sequence, estimate) = rendered();
+    // The truth's own input is exact. In the other one every camera but the first is 1° off about its optical axis.
+    spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
+    let mut other = sequence.clone();
+    other.truth = None;
+    let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), 1f64.to_radians());
+    for pose in other.frames[1..]
+        .iter_mut()
+        .filter_map(|f| f.camera_from_input.as_mut())
+    {
+        pose.rotation = roll * pose.rotation;
+        pose.translation = roll * pose.translation;
+    }
+    spba_ceres::sequence::write(&other, &path("other")).unwrap();
+    write_result_of(
+        (&path("other"), ""),
+        &surface,
+        &sequence,
+        estimate.clone(),
+        &path("result"),
+    );
+    let judged = |result: &str| eval(&[&path(result), Path::new("--truth"), &path("truth")]);
+    let off = |errors: &Value| {
+        let error = &errors["input"]["orientation_error_deg"];
+        assert!((error["max"].as_f64().unwrap() - 1.0).abs() < 1e-6, "{errors}");
+        assert!((error["mean"].as_f64().unwrap() - 0.75).abs() < 1e-6, "{errors}");
+    };
+    off(&json(&mut judged("result")));
+    // A name that is relative is so to the current folder.
+    let relative = (Path::new("other"), "");
+    write_result_of(relative, &surface, &sequence, estimate.clone(), &path("relative"));
+    off(&json(judged("relative").current_dir(home.path())));
+
+    // Gone: one line says so, and the truth's input does not stand in.
+    std::fs::rename(path("other"), path("moved")).unwrap();
+    let left_out = |result: &str, part: &str| {
+        let (errors, notes) = json_and_notes(&mut judged(result));
+        assert!(
+            errors["input"].is_null() && errors["result"].is_object(),
+            "{errors}"
+        );
+        assert!(
+            notes.starts_with("note: no column `input`: ") && notes.contains(part),
+            "{notes}"
+        );
+        assert!(
+            notes.trim_end().ends_with("--input") && notes.lines().count() == 1,
+            "{notes}"
+        );
+    };
+    left_out("result", "/other, its input, is not there any more");
+    off(&json(judged("result").arg("--input").arg(path("moved"))));
+
+    // Made of a video or of pictures: the sequence folder lies beside the result.
+    write_result_of(
+        (Path::new("somewhere/clip.mp4"), ""),
+        &surface,
+        &sequence,
+        estimate.clone(),
+        &path("of-video"),
+    );
+    left_out("of-video", "somewhere/clip.mp4, its input, is not there any more");
+    std::fs::rename(path("moved"), path("clip.mp4.sequence")).unwrap();
+    off(&json(&mut judged("of-video")));
+    off(&json(
+        eval(&[Path::new("."), Path::new("--truth"), &path("truth")]).current_dir(path("of-video")),
+    ));
+
+    // Another input under that name.
+    other.frames.pop();
+    spba_ceres::sequence::write(&other, &path("other")).unwrap();
+    left_out("result", "/other has no frame 003.png of the result");
+    let named = judged("result")
+        .arg("--input")
+        .arg(path("other"))
+        .assert()
+        .failure();
+    let message = String::from_utf8(named.get_output().stderr.clone()).unwrap();
+    assert!(
+        message.contains("has no frame 003.png of the result"),
+        "{message}"
+    );
+
+    // An input without poses has none to be judged by.
+    for frame in &mut other.frames {
+        frame.camera_from_input = None;
+    }
+    other.frames.push(Frame {
+        camera_from_input: None,
+        ..sequence.frames[3].clone()
+    });
+    spba_ceres::sequence::write(&other, &path("still")).unwrap();
+    let (errors, notes) = json_and_notes(judged("result").arg("--input").arg(path("still")));
+    assert!(errors["input"].is_null(), "{errors}");
+    assert!(
+        notes.contains("no off-the-shelf poses that could be aligned"),
+        "{notes}"
     );
 }
 
@@ -269,7 +396,37 @@ fn openmvs_depth_is_judged_with_its_colmap_workspace() {
         (errors["depth_error"].as_f64().unwrap() - 0.01).abs() < 1e-5,
         "{errors}"
     );
+    // Depths of 2 + 0.0005 column, 0.01 short: nearly all of it is scale.
+    assert!(errors["depth_error_at_best_scale"].as_f64().unwrap() < 1e-4);
+    assert!((errors["best_depth_scale"].as_f64().unwrap() - 1.005).abs() < 1e-4);
     assert!((errors["density_mean"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+
+    // A result that was solved from both finds both again.
+    let poses = &sequence.truth.as_ref().unwrap().camera_from_object;
+    let estimate = Estimate {
+        target_from_object: poses[0],
+        motion: poses[1..]
+            .iter()
+            .map(|pose| RelativePose::between(&poses[0], pose))
+            .collect(),
+        style: vec![],
+        alpha: 0.5,
+    };
+    let (surface, ..) = rendered();
+    let config = format!("[input]\ndepth = {:?}\n", path("openmvs"));
+    write_result_of(
+        (&path("workspace"), &config),
+        &surface,
+        &sequence,
+        estimate,
+        &path("result"),
+    );
+    let of_result = json(&mut eval(&[
+        &path("result"),
+        Path::new("--truth"),
+        &path("truth"),
+    ]));
+    assert_eq!(&of_result["input"], errors);
 }
 
 #[test]
@@ -378,6 +535,11 @@ fn faults_are_one_line() {
     fails(
         &[&result, with_truth, &truth, with_depth, home.path()],
         "--depth: ",
+    );
+    let with_input = Path::new("--input");
+    fails(
+        &[&truth, with_truth, &truth, with_input, &truth],
+        "is no result, so that it is measured itself; leave --input out",
     );
     std::fs::write(home.path().join("result.json"), "{\"schema\": 9}").unwrap();
     let text = fails(

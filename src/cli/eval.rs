@@ -1,6 +1,7 @@
 //! `spba-ceres eval`: a result, or an input's own poses, against truth or against a turning platform.
 
-use anyhow::{Context, bail};
+use super::input::{holds_frames, solved_from};
+use anyhow::{Context, bail, ensure};
 use serde::Serialize;
 use spba_ceres::eval::{Estimated, MeanMax, Platform, TruthErrors, TurnErrors, TurnTable, against_truth};
 use spba_ceres::geometry::Rotation3;
@@ -17,11 +18,11 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// Result folder of `solve`, a sequence, or a COLMAP workspace
     path: PathBuf,
-    /// A sequence of ours with [truth]: errors of orientation, location, depth and shape, density and IoU. Its own
-    /// off-the-shelf poses, aligned by frame 0 and scale, stand beside the result's
+    /// A sequence of ours with [truth]: errors of orientation, location, depth and shape, density and IoU. The poses and
+    /// depth of a result's own input, aligned by frame 0 and scale, stand beside the result's
     #[arg(long, value_name = "SEQUENCE")]
     truth: Option<PathBuf>,
-    /// openMVS folder (scene.mvs, depth*.dmap) that goes with PATH, a COLMAP workspace
+    /// openMVS folder (scene.mvs, depth*.dmap) that goes with PATH, or with --input, a COLMAP workspace
     #[arg(long, value_name = "FOLDER", requires = "truth")]
     depth: Option<PathBuf>,
     /// What is known of a turning platform (turn.txt): every frame's rotation error
@@ -33,8 +34,9 @@ pub struct Args {
     /// Folder of masks named like PATH's frames: how well the masks of PATH, a sequence, agree with them
     #[arg(long, value_name = "FOLDER")]
     masks: Option<PathBuf>,
-    /// With --turn: the sequence that PATH was solved from, to measure its own poses beside the result's
-    #[arg(long, value_name = "SEQUENCE", requires = "turn")]
+    /// What PATH, a result, was solved from, to measure it beside the result [default: with --truth, the input that the
+    /// result names; with --turn, none]
+    #[arg(long, value_name = "SEQUENCE", conflicts_with = "masks")]
     input: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
@@ -49,6 +51,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         true => Some(RunResult::load(&args.path)?),
         false => None,
     };
+    ensure!(
+        result.is_some() || args.input.is_none(),
+        "--input: {} is no result, so that it is measured itself; leave --input out",
+        args.path.display()
+    );
     match (&args.truth, &args.turn, &args.times) {
         (Some(truth), _, _) => truth_columns(args, result.as_ref(), truth),
         (None, Some(turn), Some(times)) => turn_columns(args, result.as_ref(), &Platform::load(turn, times)?),
@@ -115,12 +122,11 @@ fn truth_columns(args: &Args, result: Option<&RunResult>, truth: &Path) -> anyho
         .truth
         .as_ref()
         .with_context(|| format!("{}: no [truth]; give a rendered sequence", truth.display()))?;
-    if result.is_some() && args.depth.is_some() {
-        bail!(
-            "--depth: {} is a result and has its own; leave it out",
-            args.path.display()
-        );
-    }
+    ensure!(
+        result.is_none() || args.input.is_some() || args.depth.is_none(),
+        "--depth: {} is a result and names its own; leave it out, or give --input too",
+        args.path.display()
+    );
     let mut columns = Vec::new();
     if let Some(result) = result {
         columns.push((
@@ -128,30 +134,53 @@ fn truth_columns(args: &Args, result: Option<&RunResult>, truth: &Path) -> anyho
             against_truth(&of_result(&args.path, result, &reference)?, known),
         ));
     }
-    let own = if result.is_none() {
-        let options = LoadOptions {
-            depth: args.depth.clone(),
-            ..LoadOptions::default()
-        };
-        load(&args.path, &options)?
-    } else {
-        reference.clone()
-    };
-    let names: Option<Vec<_>> = result.map(|result| result.frames.iter().map(|f| f.name.as_str()).collect());
-    let kept = |name: &str| names.as_ref().is_none_or(|names| names.contains(&name));
-    match Estimated::of_input(&own, &reference, kept) {
-        Some(input) => columns.push(("input", against_truth(&input, known))),
-        None if result.is_none() => bail!(
-            "{}: no off-the-shelf poses that could be aligned; frame 0 and one that moves must have one",
-            args.path.display()
-        ),
-        None => {}
+    if let Some(own) = own_input(args, result)? {
+        let kept =
+            |name: &str| result.is_none_or(|result| result.frames.iter().any(|frame| frame.name == name));
+        match Estimated::of_input(&own, &reference, kept) {
+            Some(input) => columns.push(("input", against_truth(&input, known))),
+            None => {
+                let problem = format!(
+                    "{}: no off-the-shelf poses that could be aligned; frame 0 and one that moves must have one",
+                    own.name
+                );
+                ensure!(result.is_some(), problem);
+                eprintln!("note: no column `input`: {problem}");
+            }
+        }
     }
     if args.json {
         return print_json(&columns);
     }
     print_truth(&columns);
     Ok(())
+}
+
+/// What is measured as the input: PATH, or what the result at PATH was solved from. `None`, said on standard error, where
+/// that is not to be found: nothing else may stand in for it.
+fn own_input(args: &Args, result: Option<&RunResult>) -> anyhow::Result<Option<Sequence>> {
+    let named = |path: &Path| {
+        let options = LoadOptions {
+            depth: args.depth.clone(),
+            ..LoadOptions::default()
+        };
+        load(path, &options)
+    };
+    match (result, &args.input) {
+        (None, _) => Ok(Some(named(&args.path)?)),
+        (Some(result), Some(input)) => {
+            let own = named(input)?;
+            holds_frames(&own, input, result).context("--input")?;
+            Ok(Some(own))
+        }
+        (Some(result), None) => match solved_from(&args.path, result) {
+            Ok(own) => Ok(Some(own)),
+            Err(error) => {
+                eprintln!("note: no column `input`: {error:#}; name what was solved with --input");
+                Ok(None)
+            }
+        },
+    }
 }
 
 /// Reads what `solve` wrote for the frames that the truth knows by name.
@@ -268,6 +297,10 @@ fn print_truth(columns: &[(&str, TruthErrors)]) {
         spread(e.aligned_location_error_percent)
     });
     row("depth error, object units", &|e| number(e.depth_error));
+    row("  at the best scale", &|e| number(e.depth_error_at_best_scale));
+    row("  the best scale / the given one", &|e| {
+        number(e.best_depth_scale)
+    });
     row("density", &|e| number(e.density_mean));
     row("silhouette IoU", &|e| number(e.silhouette_iou_mean));
     row("shape, Chamfer distance, % diagonal", &|e| {

@@ -29,10 +29,13 @@ pub struct Args {
     /// A natural sequence on a turning platform (turn.txt, times.txt, perhaps openmvs/) for table1; may be repeated
     #[arg(long, value_name = "FOLDER")]
     natural: Vec<PathBuf>,
-    /// A rendered sequence whose poses and depth are a real tool's, as scripts/off_the_shelf makes, for table1; may be
-    /// repeated
+    /// A rendered sequence whose poses and sparse points are COLMAP's, as scripts/off_the_shelf and import --truth make, for
+    /// table1; may be repeated
     #[arg(long, value_name = "FOLDER")]
     real_input: Vec<PathBuf>,
+    /// The same with openMVS's depth, as import --depth --truth makes, in a block of its own; may be repeated
+    #[arg(long, value_name = "FOLDER")]
+    openmvs_input: Vec<PathBuf>,
     /// Frames per rendered sequence; fig7 goes through those of the list up to this many
     #[arg(long, value_name = "L", default_value_t = 11)]
     frames: usize,
@@ -118,8 +121,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         args.frames
     );
     anyhow::ensure!(
-        args.natural.is_empty() && args.real_input.is_empty() || args.what == What::Table1,
-        "--natural, --real-input: only table1 takes further sequences; leave them out"
+        args.natural.is_empty() && args.real_input.is_empty() && args.openmvs_input.is_empty()
+            || args.what == What::Table1,
+        "--natural, --real-input, --openmvs-input: only table1 takes further sequences; leave them out"
     );
     let named = |folders: &[PathBuf], kind, suffix: &'static str| {
         let source = move |folder: &PathBuf| {
@@ -134,13 +138,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         folders.iter().map(source).collect::<Vec<_>>()
     };
     let real_input = named(&args.real_input, SequenceKind::RenderedRealInput, "-real-input");
+    let openmvs_input = named(
+        &args.openmvs_input,
+        SequenceKind::RenderedOpenMvsInput,
+        "-openmvs-input",
+    );
     let natural = named(&args.natural, SequenceKind::Natural, "");
     // Now, not after the hours that those before them take.
-    for source in real_input.iter().chain(&natural) {
+    for source in real_input.iter().chain(&openmvs_input).chain(&natural) {
         let subject = Subject::load(&source.name, &source.folder, load_options(effort))?;
         anyhow::ensure!(
             source.kind == SequenceKind::Natural || subject.sequence.truth.is_some(),
-            "--real-input {}: no [truth]; make it with spba-ceres import --truth",
+            "{}: no [truth]; make it with spba-ceres import --truth",
             source.folder.display()
         );
     }
@@ -149,6 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let jobs = Jobs::new(&args.cache.join("records"), &watch)?;
     let mut all = rendered.clone();
     all.extend(real_input);
+    all.extend(openmvs_input);
     all.extend(natural);
     match args.what {
         What::Table1 => {

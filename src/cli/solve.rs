@@ -1,5 +1,7 @@
 //! `spba-ceres solve`.
 
+#[cfg(feature = "vision")]
+use super::input::made_beside;
 use super::input::read;
 use super::progress;
 use anyhow::Context;
@@ -229,9 +231,7 @@ fn prepared(args: &Args, category: &str) -> anyhow::Result<PathBuf> {
         }
         return Ok(args.input.clone());
     }
-    let mut name = args.input.file_name().unwrap_or_default().to_owned();
-    name.push(".sequence");
-    let folder = args.out.with_file_name(name);
+    let folder = made_beside(&args.out, &args.input);
     super::prepare::prepare(
         &args.input,
         &args.raw,

@@ -1,7 +1,6 @@
-//! The measures of Sec. 3.2: camera orientation and location, depth, and the shape's Chamfer distance.
+//! The measures of Sec. 3.2 that one pose has, the shape's Chamfer distance, and summaries over frames.
 
 use crate::geometry::{Pose, Rotation3, Vector3};
-use crate::image::DepthMap;
 use crate::report::Neighbours;
 
 /// The angle of the rotation between the two, in \[0°, 180°\].
@@ -21,44 +20,6 @@ pub fn orientation_error_deg(a: &Rotation3<f64>, b: &Rotation3<f64>) -> f64 {
 /// The distance of the cameras' centres, in units of the frame that both poses map from.
 pub fn location_error(a: &Pose, b: &Pose) -> f64 {
     (a.center() - b.center()).norm()
-}
-
-/// Sums over pixels, so that several frames can be pooled.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DepthError {
-    sum: f64,
-    /// Pixels known in both maps.
-    pub pixels: usize,
-}
-
-impl DepthError {
-    /// |`scale` · z − z_true| over the pixels that both maps know; maps of different sizes share none.
-    pub fn between(depth: &DepthMap, scale: f64, truth: &DepthMap) -> Self {
-        if depth.size() != truth.size() {
-            return Self::default();
-        }
-        let known = depth
-            .data()
-            .iter()
-            .zip(truth.data())
-            .filter(|(z, true_z)| **z > 0.0 && **true_z > 0.0);
-        known.fold(Self::default(), |error, (z, true_z)| Self {
-            sum: error.sum + (scale * f64::from(*z) - f64::from(*true_z)).abs(),
-            pixels: error.pixels + 1,
-        })
-    }
-
-    pub fn plus(self, other: Self) -> Self {
-        Self {
-            sum: self.sum + other.sum,
-            pixels: self.pixels + other.pixels,
-        }
-    }
-
-    /// `None` without a pixel.
-    pub fn mean(&self) -> Option<f64> {
-        (self.pixels > 0).then(|| self.sum / self.pixels as f64)
-    }
 }
 
 /// ½ (mean distance from a to its nearest in b + mean distance from b to its nearest in a); `None` if either is
@@ -99,7 +60,6 @@ impl MeanMax {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Grid;
     use proptest::prelude::*;
 
     fn about(axis: [f64; 3], angle_deg: f64) -> Rotation3<f64> {
@@ -132,17 +92,6 @@ mod tests {
         let a = looking(about([0.0, 1.0, 0.0], 70.0), center);
         let b = looking(about([1.0, 1.0, 0.0], 30.0), center + Vector3::new(0.0, 0.3, 0.4));
         assert!((location_error(&a, &b) - 0.5).abs() < 1e-12);
-    }
-
-    #[test]
-    fn depth_error_counts_pixels_known_in_both() {
-        let grid = |values: [f32; 4]| Grid::from_vec(2, 2, values.to_vec()).unwrap();
-        let error = DepthError::between(&grid([1.0, 0.0, 3.0, 2.0]), 0.5, &grid([1.0, 2.0, 0.0, 0.5]));
-        assert_eq!((error.pixels, error.mean()), (2, Some(0.5)));
-        assert_eq!(error.plus(error).mean(), Some(0.5));
-        assert_eq!(DepthError::default().mean(), None);
-        let other_size = Grid::filled(4, 1, 1.0);
-        assert_eq!(DepthError::between(&other_size, 1.0, &grid([1.0; 4])).pixels, 0);
     }
 
     #[test]

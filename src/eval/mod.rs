@@ -3,6 +3,7 @@
 //! Pure functions on poses, depth maps and points; the verb `eval` reads the files and prints.
 
 mod align;
+mod depth;
 mod estimated;
 mod metrics;
 mod platform;
@@ -10,8 +11,9 @@ mod truth;
 mod turn;
 
 pub use align::align_to_truth;
+pub use depth::DepthPairs;
 pub use estimated::Estimated;
-pub use metrics::{DepthError, MeanMax, chamfer, location_error, orientation_error_deg};
+pub use metrics::{MeanMax, chamfer, location_error, orientation_error_deg};
 pub use platform::{Platform, PlatformError, TurnError, TurnTable};
 pub use truth::{FrameErrors, TruthErrors, against_truth};
 pub use turn::{TurnErrors, against_turn};

@@ -1,6 +1,6 @@
 //! An estimate against a rendered sequence's truth (Sec. 3.2, Table 1).
 
-use super::{DepthError, Estimated, MeanMax, align_to_truth, chamfer, location_error, orientation_error_deg};
+use super::{DepthPairs, Estimated, MeanMax, align_to_truth, chamfer, location_error, orientation_error_deg};
 use crate::geometry::{Pose, Vector3};
 use crate::image::DepthMap;
 use crate::report::{density, silhouette_iou};
@@ -32,6 +32,11 @@ pub struct TruthErrors {
     pub aligned_orientation_error_deg: Option<MeanMax>,
     pub aligned_location_error_percent: Option<MeanMax>,
     pub depth_error: Option<f64>,
+    /// The depth error once all depths are multiplied by one more number, the same in every frame, that makes it least
+    /// ([`DepthPairs::best_scale`]): what is left when the scale's own error is forgiven.
+    pub depth_error_at_best_scale: Option<f64>,
+    /// That number; 1 where the depths' scale is right.
+    pub best_depth_scale: Option<f64>,
     pub density_mean: Option<f64>,
     pub silhouette_iou_mean: Option<f64>,
     /// ½ of both mean nearest-neighbour distances to the true shape, % of the diagonal.
@@ -41,7 +46,7 @@ pub struct TruthErrors {
 
 /// Frames whose index lies beyond the truth are left out.
 pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
-    let mut pooled = DepthError::default();
+    let mut pooled = DepthPairs::default();
     let mut frames = Vec::new();
     for ((name, index, pose), depth) in estimated.frames.iter().zip(&estimated.depth) {
         let (Some(true_pose), Some(true_depth)) =
@@ -50,17 +55,18 @@ pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
             continue;
         };
         let covered = depth.as_ref().map(DepthMap::known);
-        let error = depth
+        let pairs = depth
             .as_ref()
-            .map(|depth| DepthError::between(depth, estimated.depth_scale, true_depth))
+            .map(|depth| DepthPairs::between(depth, true_depth))
             .unwrap_or_default();
-        pooled = pooled.plus(error);
+        let depth_error = pairs.error(estimated.depth_scale);
+        pooled.extend(pairs);
         let silhouette = true_depth.known();
         frames.push(FrameErrors {
             name: name.clone(),
             orientation_error_deg: orientation_error_deg(&pose.rotation, &true_pose.rotation),
             location_error_percent: 100.0 * location_error(pose, true_pose),
-            depth_error: error.mean(),
+            depth_error,
             density: covered.as_ref().map(|covered| density(&silhouette, covered)),
             silhouette_iou: covered
                 .filter(|_| estimated.dense)
@@ -84,6 +90,7 @@ pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
         .collect();
     let mean =
         |value: fn(&FrameErrors) -> Option<f64>| MeanMax::of(frames.iter().filter_map(value)).map(|m| m.mean);
+    let best_scale = pooled.best_scale();
     TruthErrors {
         orientation_error_deg: MeanMax::of(frames.iter().map(|frame| frame.orientation_error_deg)),
         location_error_percent: MeanMax::of(frames.iter().map(|frame| frame.location_error_percent)),
@@ -97,7 +104,9 @@ pub fn against_truth(estimated: &Estimated, truth: &Truth) -> TruthErrors {
                 .iter()
                 .map(|(pose, truth)| 100.0 * location_error(pose, truth)),
         ),
-        depth_error: pooled.mean(),
+        depth_error: pooled.error(estimated.depth_scale),
+        depth_error_at_best_scale: best_scale.and_then(|scale| pooled.error(scale)),
+        best_depth_scale: best_scale.map(|scale| scale / estimated.depth_scale),
         density_mean: mean(|frame| frame.density),
         silhouette_iou_mean: mean(|frame| frame.silhouette_iou),
         chamfer_percent: estimated
@@ -161,6 +170,8 @@ mod tests {
         assert!((errors.orientation_error_deg.unwrap().max - 2.0).abs() < 1e-9);
         assert!((errors.location_error_percent.unwrap().mean - 3.0).abs() < 1e-9);
         assert!((errors.depth_error.unwrap() - 0.01).abs() < 1e-6);
+        // 0.01 of depths of about 1.6: nearly all of it is scale.
+        assert!(errors.depth_error_at_best_scale.unwrap() < 0.002);
         assert!((errors.density_mean.unwrap() - 0.5).abs() < 0.02);
         assert_eq!(errors.silhouette_iou_mean, errors.density_mean);
         assert!(errors.chamfer_percent.unwrap() > 800.0);
@@ -199,6 +210,30 @@ mod tests {
     }
 
     #[test]
+    fn a_wrong_scale_of_the_depth_is_forgiven_at_the_best_scale() {
+        let (sequence, _) = solved(&Surface::from_points(box_car(500)), 3);
+        let truth = sequence.truth.unwrap();
+        let twice = |depth: &DepthMap| {
+            let data = depth.data().iter().map(|z| 2.0 * z).collect();
+            Grid::from_vec(depth.width(), depth.height(), data).unwrap()
+        };
+        let estimated = Estimated {
+            frames: (0..3)
+                .map(|i| (format!("{i}"), i, truth.camera_from_object[i]))
+                .collect(),
+            depth: truth.depth.iter().map(|depth| Some(twice(depth))).collect(),
+            depth_scale: 0.625,
+            dense: true,
+            shape: None,
+        };
+        let errors = against_truth(&estimated, &truth);
+        // A quarter of the depth itself, which is the distance of the car.
+        assert!(errors.depth_error.unwrap() > 0.2);
+        assert_eq!(errors.depth_error_at_best_scale, Some(0.0));
+        assert_eq!(errors.best_depth_scale, Some(0.8));
+    }
+
+    #[test]
     fn what_is_not_there_is_not_measured() {
         let (sequence, _) = solved(&Surface::from_points(box_car(500)), 2);
         let truth = sequence.truth.unwrap();
@@ -217,6 +252,10 @@ mod tests {
         assert_eq!(
             (errors.depth_error, errors.density_mean, errors.chamfer_percent),
             (None, None, None)
+        );
+        assert_eq!(
+            (errors.depth_error_at_best_scale, errors.best_depth_scale),
+            (None, None)
         );
     }
 }

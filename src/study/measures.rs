@@ -18,6 +18,8 @@ pub struct Measures {
     pub aligned_location_error_percent: Option<f64>,
     /// Object units (diagonals).
     pub depth_error: Option<f64>,
+    /// The same at the one scale that makes it least.
+    pub depth_error_at_best_scale: Option<f64>,
     /// By the true silhouettes, or the given masks.
     pub density: Option<f64>,
     pub silhouette_iou: Option<f64>,
@@ -91,6 +93,7 @@ impl Measures {
             aligned_orientation_error_deg: errors.aligned_orientation_error_deg.map(|m| m.mean),
             aligned_location_error_percent: errors.aligned_location_error_percent.map(|m| m.mean),
             depth_error: errors.depth_error,
+            depth_error_at_best_scale: errors.depth_error_at_best_scale,
             density: errors.density_mean,
             silhouette_iou: errors.silhouette_iou_mean,
             chamfer_percent: errors.chamfer_percent,

@@ -21,19 +21,27 @@ pub struct Row {
 pub enum SequenceKind {
     /// Rendered; poses and depth are the truth with noise, holes and outliers.
     Rendered,
-    /// Rendered; poses and depth are what a real tool made of the images.
+    /// Rendered; poses and sparse points are what COLMAP made of the images.
     RenderedRealInput,
+    /// Rendered; poses are what COLMAP made of the images, and depth what openMVS made of both.
+    RenderedOpenMvsInput,
     /// Photographed; without truth, but perhaps on a turning platform.
     Natural,
 }
 
 impl SequenceKind {
-    const ALL: [Self; 3] = [Self::Rendered, Self::RenderedRealInput, Self::Natural];
+    const ALL: [Self; 4] = [
+        Self::Rendered,
+        Self::RenderedRealInput,
+        Self::RenderedOpenMvsInput,
+        Self::Natural,
+    ];
 
     fn label(self) -> &'static str {
         match self {
             Self::Rendered => "rendered",
-            Self::RenderedRealInput => "rendered, real input",
+            Self::RenderedRealInput => "rendered, COLMAP",
+            Self::RenderedOpenMvsInput => "rendered, COLMAP + openMVS",
             Self::Natural => "natural",
         }
     }
@@ -119,6 +127,7 @@ impl Table1 {
             "method",
             "sequences",
             "depth error",
+            "depth error at the best scale",
             "density",
             "location error",
             "orientation error, deg",
@@ -146,6 +155,7 @@ impl Table1 {
                     row.label.clone(),
                     format!("{} ({})", kind.label(), entries.len()),
                     cell(measure(|m| m.depth_error), 4),
+                    cell(measure(|m| m.depth_error_at_best_scale), 4),
                     cell(measure(|m| m.density), 4),
                     cell(share(measure(|m| m.location_error_percent)), 4),
                     cell(measure(|m| m.orientation_error_deg), 3),
@@ -171,6 +181,7 @@ impl Table1 {
             "aligned_orientation_error_deg",
             "aligned_location_error_percent",
             "depth_error",
+            "depth_error_at_best_scale",
             "density",
             "silhouette_iou",
             "chamfer_percent",
@@ -198,6 +209,7 @@ impl Table1 {
                     cell(m.aligned_orientation_error_deg, 4),
                     cell(m.aligned_location_error_percent, 4),
                     cell(m.depth_error, 5),
+                    cell(m.depth_error_at_best_scale, 5),
                     cell(m.density, 4),
                     cell(m.silhouette_iou, 4),
                     cell(m.chamfer_percent, 4),
