@@ -17,9 +17,8 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         .cargo_metadata(false)
         .probe("eigen3")
         .map_err(|error| format!("Eigen is needed (Debian: libeigen3-dev): {error}"))?;
-    let sources = [
+    let src = [
         "bundle",
-        "free_depth",
         "logs",
         "nearest",
         "objective",
@@ -29,6 +28,9 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         "state",
     ]
     .map(|name| format!("cpp/src/{name}.cc"));
+    let core = ["free_depth", "geometry"].map(|name| format!("cpp/core/{name}.cc"));
+    let bridge = ["free_depth"].map(|name| format!("cpp/bridge/{name}.cc"));
+    let sources = [&src[..], &core, &bridge].concat();
     compile(
         &["src/bridge/bundle.rs", "src/bridge/ceres.rs"],
         &sources,
@@ -38,8 +40,9 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
     for library in ["ceres", "glog"] {
         println!("cargo:rustc-link-lib={library}");
     }
-    println!("cargo:rerun-if-changed=cpp/src");
-    println!("cargo:rerun-if-changed=cpp/include");
+    for folder in ["src", "core", "bridge", "include"] {
+        println!("cargo:rerun-if-changed=cpp/{folder}");
+    }
     Ok(())
 }
 
@@ -86,7 +89,9 @@ fn compile(
     build
         .files(sources)
         .include("cpp/include")
+        .include("cpp")
         .include("cpp/src")
+        .include("cpp/bridge")
         .std("c++17")
         // An unoptimised Eigen is fifty times slower, in tests too.
         .opt_level(3)

@@ -9,6 +9,21 @@
 
 namespace spba {
 
+// rgb[3] = I(pi(point_in_camera)): what colour a point has in a frame. False behind the camera. Borrows the
+// image.
+struct PointColour {
+  Pinhole camera;
+  const ImageSampler* image;
+
+  template <typename T>
+  bool operator()(const T* point_in_camera, T* rgb) const {
+    T pixel[2];
+    if (!Project(camera, point_in_camera, pixel)) return false;
+    image->Sample(pixel, rgb);
+    return true;
+  }
+};
+
 // residual[3] = I_0(pi(point_in_target)) - I_l(pi(point_in_source)), RGB in the images' range.
 // False (an invalid evaluation) where the point is behind either camera. Borrows the images.
 struct PhotometricError {
@@ -19,11 +34,9 @@ struct PhotometricError {
 
   template <typename T>
   bool operator()(const T* point_in_target, const T* point_in_source, T* residual) const {
-    T target_pixel[2], source_pixel[2], target_rgb[3], source_rgb[3];
-    if (!Project(target_camera, point_in_target, target_pixel)) return false;
-    if (!Project(source_camera, point_in_source, source_pixel)) return false;
-    target_image->Sample(target_pixel, target_rgb);
-    source_image->Sample(source_pixel, source_rgb);
+    T target_rgb[3], source_rgb[3];
+    if (!PointColour{target_camera, target_image}(point_in_target, target_rgb)) return false;
+    if (!PointColour{source_camera, source_image}(point_in_source, source_rgb)) return false;
     for (int c = 0; c < 3; ++c) residual[c] = target_rgb[c] - source_rgb[c];
     return true;
   }
@@ -54,6 +67,7 @@ struct PhotometricCost {
 struct FreeDepthCost {
   // The pixel, and those a step to the sides, above and below.
   static constexpr int kPatch = 5;
+  static constexpr double kSteps[kPatch][2] = {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
   PhotometricError error;
   // The pixel in the middle.
@@ -65,7 +79,6 @@ struct FreeDepthCost {
     if (!(inverse_depth[0] > T(0.0))) return false;
     const Pinhole& camera = error.target_camera;
     const T world_from_target[3] = {-target_from_world[0], -target_from_world[1], -target_from_world[2]};
-    constexpr double kSteps[kPatch][2] = {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
     for (int k = 0; k < kPatch; ++k) {
       const T depth = 1.0 / inverse_depth[0];
       const T in_target[3] = {depth * ((x + kSteps[k][0] - camera.cx) / camera.fx),
