@@ -21,6 +21,7 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         "accumulated_cost",
         "blocks",
         "coordinates",
+        "free_depth",
         "geometry",
         "minimise",
         "nearest",

@@ -404,13 +404,10 @@ fn openmvs_depth_is_judged_with_its_colmap_workspace() {
     // A result that was solved from both finds both again.
     let poses = &sequence.truth.as_ref().unwrap().camera_from_object;
     let estimate = Estimate {
-        target_from_object: poses[0],
-        motion: poses[1..]
-            .iter()
-            .map(|pose| RelativePose::between(&poses[0], pose))
-            .collect(),
+        camera_from_object: poses.clone(),
         style: vec![],
         alpha: 0.5,
+        focal_factor: 1.0,
     };
     let (surface, ..) = rendered();
     let config = format!("[input]\ndepth = {:?}\n", path("openmvs"));

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "bridge/baseline.h"
+#include "core/baseline.h"
 #include "bridge/logs.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
 #include "spba/reprojection.h"

@@ -67,6 +67,7 @@ struct PhotometricCost {
 struct FreeDepthCost {
   // The pixel, and those a step to the sides, above and below.
   static constexpr int kPatch = 5;
+  static constexpr double kSteps[kPatch][2] = {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
   PhotometricError error;
   // The pixel in the middle.
@@ -78,7 +79,6 @@ struct FreeDepthCost {
     if (!(inverse_depth[0] > T(0.0))) return false;
     const Pinhole& camera = error.target_camera;
     const T world_from_target[3] = {-target_from_world[0], -target_from_world[1], -target_from_world[2]};
-    constexpr double kSteps[kPatch][2] = {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
     for (int k = 0; k < kPatch; ++k) {
       const T depth = 1.0 / inverse_depth[0];
       const T in_target[3] = {depth * ((x + kSteps[k][0] - camera.cx) / camera.fx),

@@ -6,7 +6,6 @@
 #include <cstddef>
 
 namespace spba {
-namespace bridge {
 
 // `cameras`: camera_from_world[6], one after another. The first is the frame of the world, its distance to
 // the second the unit of length.
@@ -18,5 +17,4 @@ inline void HoldGauge(ceres::Problem& problem, double* cameras, std::size_t coun
   }
 }
 
-}  // namespace bridge
 }  // namespace spba

@@ -1,0 +1,109 @@
+// Classic photometric bundle adjustment: poses and a free inverse depth per pixel.
+#ifndef SPBA_CORE_FREE_DEPTH_H_
+#define SPBA_CORE_FREE_DEPTH_H_
+
+#include <ceres/evaluation_callback.h>
+#include <ceres/sized_cost_function.h>
+
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "core/geometry.h"
+#include "spba/photometric.h"
+
+namespace spba {
+
+// The cameras of an adjustment: what of a pose does not depend on the pixel is computed once an evaluation.
+// Borrows the twists and the images.
+class FreeDepthCameras : public ceres::EvaluationCallback {
+ public:
+  struct View {
+    Pose camera_from_world;
+    // Of the rotation.
+    Matrix3 left_jacobian;
+  };
+
+  // `twists`: camera_from_world[6] of one camera after another; `images`: what they see.
+  FreeDepthCameras(const Pinhole& intrinsics, const double* twists, const std::deque<ImageSampler>& images);
+
+  void PrepareForEvaluation(bool, bool new_point) override {
+    if (new_point) Update();
+  }
+  // Brings the views up to date with the twists.
+  void Update();
+
+  const Pinhole& intrinsics() const { return intrinsics_; }
+  const View& view(std::uint32_t camera) const { return views_[camera]; }
+  const ImageSampler& image(std::uint32_t camera) const { return images_[camera]; }
+
+ private:
+  const Pinhole intrinsics_;
+  const double* const twists_;
+  const std::deque<ImageSampler>& images_;
+  std::vector<View> views_;
+};
+
+// A pixel and those around it, as the camera that has their depth sees them.
+struct FreeDepthPatch {
+  using Colours = Eigen::Matrix<double, 3 * FreeDepthCost::kPatch, 1>;
+
+  FreeDepthPatch(const FreeDepthCameras& cameras, std::uint32_t target, double x, double y);
+
+  std::uint32_t target;
+  // The pixel in the middle.
+  double x, y;
+  // Less their mean.
+  Colours colours;
+};
+
+// FreeDepthCost for a solver that uses residuals only in sums over them, such as J^T J, J^T r and r^T r:
+// those are the same, from fewer residuals. The parameter blocks are the same, too, but poses come from
+// FreeDepthCameras. Autodiff goes over the points in the source camera alone, the chain rule on from there.
+class FreeDepthBlock : public ceres::SizedCostFunction<8, 6, 6, 1> {
+ public:
+  // Borrows `cameras`.
+  FreeDepthBlock(const FreeDepthCameras& cameras, const FreeDepthPatch& patch, std::uint32_t source)
+      : cameras_(cameras), patch_(patch), source_(source) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  const FreeDepthCameras& cameras_;
+  const FreeDepthPatch patch_;
+  const std::uint32_t source_;
+};
+
+// A pixel with depth, and the cameras that see the same.
+struct FreeDepthPixel {
+  std::uint32_t target;
+  double x, y;
+  double inverse_depth;
+  std::vector<std::uint32_t> sources;
+  // Root mean square of its residuals, per value of a colour; infinite where no source can be evaluated.
+  double error = 0.0;
+  // Standard deviation of `inverse_depth` with noise of 1 in a colour's value, cameras known; infinite where
+  // the residuals do not depend on it.
+  double deviation = 0.0;
+};
+
+struct FreeDepthOptions {
+  // Of all cameras.
+  Pinhole intrinsics;
+  // Huber width of a residual, per value of a colour.
+  double loss_width;
+  // Leaves the cameras as they are.
+  bool hold_cameras;
+  int max_iterations;
+};
+
+// Minimises what `pixels` look unlike in the cameras that see them, over their inverse depths and `twists`
+// (camera_from_world[6] of one camera after another), and judges them. The first camera stays where it is,
+// and the second as far from it. Throws std::exception where there is no such camera, or where Ceres finds no
+// usable solution.
+void AdjustFreeDepth(std::vector<double>& twists, std::vector<FreeDepthPixel>& pixels,
+                     const std::deque<ImageSampler>& images, const FreeDepthOptions& options);
+
+}  // namespace spba
+
+#endif  // SPBA_CORE_FREE_DEPTH_H_
