@@ -4,8 +4,8 @@
 
 #include <stdexcept>
 
-#include "core/baseline.h"
 #include "bridge/logs.h"
+#include "core/baseline.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
 #include "spba/reprojection.h"
 

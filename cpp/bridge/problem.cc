@@ -167,8 +167,7 @@ std::shared_ptr<Footage> new_footage(rust::Vec<FrameFootage> frames) {
 Problem::Problem(std::shared_ptr<Footage> footage, rust::Box<PriorCallback> prior, const Terms& terms)
     : footage_(std::move(footage)),
       objective_(std::shared_ptr<const spba::Footage>(footage_, &footage_->core()),
-                 bridge::ToCore(std::move(prior)), terms.weak_perspective),
-      with_focal_(terms.focal.deviation > 0) {
+                 bridge::ToCore(std::move(prior)), terms.weak_perspective) {
   const int frames = static_cast<int>(footage_->core().frames.size());
   if (terms.photometric.weight > 0) {
     PhotometricOptions options;
@@ -210,7 +209,7 @@ Problem::Problem(std::shared_ptr<Footage> footage, rust::Box<PriorCallback> prio
     }
     objective_.Add(MakeMotionTerm(std::move(options)));
   }
-  if (with_focal_) {
+  if (terms.focal.deviation > 0) {
     FocalOptions options;
     options.deviation = terms.focal.deviation;
     objective_.Add(MakeFocalTerm(options));
@@ -236,19 +235,20 @@ spba::Variables Problem::ToCore(const Variables& variables) const {
 
 Evaluation Problem::Evaluate(const Variables& variables, const Visibility& visibility, Want want,
                              uint32_t threads) {
-  Evaluation evaluation = objective_.Evaluate(ToCore(variables), visibility.core(), want, with_focal_,
-                                              static_cast<int>(threads), &memory_);
+  Evaluation evaluation =
+      objective_.Evaluate(ToCore(variables), visibility.core(), want, static_cast<int>(threads), &memory_);
   if (!evaluation.ok()) throw std::runtime_error(evaluation.failure);
   return evaluation;
 }
 
 Costs Problem::evaluate(const Variables& variables, const Visibility& visibility, uint32_t threads) {
-  return FromCore(Evaluate(variables, visibility, Want::kCost, threads).equations.costs);
+  return FromCore(Evaluate(variables, visibility, Want{}, threads).equations.costs);
 }
 
 Derivatives Problem::differentiate(const Variables& variables, const Visibility& visibility,
                                    uint32_t threads) {
-  const NormalEquations equations = Evaluate(variables, visibility, Want::kNormalMatrix, threads).equations;
+  const NormalEquations equations =
+      Evaluate(variables, visibility, Want{Want::Order::kNormalMatrix}, threads).equations;
   Derivatives derivatives;
   for (const double value : equations.gradient) derivatives.gradient.push_back(value);
   derivatives.normal_matrix.reserve(static_cast<size_t>(equations.matrix.size()));

@@ -68,7 +68,7 @@ class Problem {
 
   std::shared_ptr<Footage> footage_;
   Objective objective_;
-  bool with_focal_;
+
   ShapeMemory memory_;
 };
 

@@ -45,7 +45,8 @@ AccumulatedCost::AccumulatedCost(const Objective& objective, const Visibility& v
       threads_(threads),
       memory_(memory),
       counts_(counts),
-      at_(coordinates) {
+      at_(coordinates),
+      last_{"", NormalEquations(Layout{}, Want{})} {
   for (const Coordinates::Block& block : coordinates.blocks()) {
     mutable_parameter_block_sizes()->push_back(block.size);
   }
@@ -56,12 +57,20 @@ bool AccumulatedCost::Evaluate(double const* const* parameters, double* residual
   ++(jacobians == nullptr ? counts_->residual : counts_->jacobian);
   at_.SetBlocks(parameters);
   const bool line_search = for_ == For::kLineSearch;
-  const Want want = jacobians == nullptr ? Want::kCost : line_search ? Want::kGradient : Want::kNormalMatrix;
-  const Evaluation evaluation =
-      objective_.Evaluate(at_.Current(), visibility_, want, at_.free().log_focal, threads_, memory_);
+  if (line_search || last_values_ != at_.values()) {
+    Want want;
+    want.order = !line_search           ? Want::Order::kNormalMatrix
+                 : jacobians == nullptr ? Want::Order::kCost
+                                        : Want::Order::kGradient;
+    want.style = at_.free().style;
+    want.focal = at_.free().log_focal;
+    last_ = objective_.Evaluate(at_.Current(), visibility_, want, threads_, memory_);
+    last_values_ = at_.values();
+    if (last_.ok()) recent_.emplace_back(at_.values(), last_.equations.costs);
+  }
+  const Evaluation& evaluation = last_;
   if (!evaluation.ok()) return false;
   const double cost = evaluation.Cost();
-  recent_.emplace_back(at_.values(), evaluation.equations.costs);
   if (!shift_) shift_ = line_search ? 0.0 : (1.0 / kTailCurvature - 1.0) * cost;
 
   const Eigen::Index n = at_.free_count();

@@ -31,6 +31,9 @@ struct SquareRoot {
 // it; c at the start, where the first evaluation is, will do: a trust region asks for derivatives where the
 // cost is no higher alone.
 //
+// Most steps of a trust region are accepted, and derivatives are then asked for where the cost was: they are
+// found together, and kept.
+//
 // For a line search, which looks at cost and gradient alone, the residual is sqrt(2 c) and the shift 0.
 class AccumulatedCost : public ceres::CostFunction {
  public:
@@ -54,6 +57,8 @@ class AccumulatedCost : public ceres::CostFunction {
   Counts* const counts_;
   // Evaluate is const for Ceres's sake; one thread calls it.
   mutable Coordinates at_;
+  mutable std::vector<double> last_values_;
+  mutable Evaluation last_;
   mutable std::optional<double> shift_;
   mutable std::vector<std::pair<std::vector<double>, Costs>> recent_;
 };

@@ -155,9 +155,11 @@ Outcome Minimise(const Objective& objective, const Visibility& visibility, const
                  Variables* variables) {
   Coordinates coordinates(*variables, free, target);
   if (coordinates.blocks().empty()) return {};
-  const auto evaluate = [&](Want want) {
+  const auto evaluate = [&](Want::Order order) {
+    Want want;
+    want.order = order;
     Evaluation evaluation =
-        objective.Evaluate(coordinates.Current(), visibility, want, free.log_focal, options.threads, memory);
+        objective.Evaluate(coordinates.Current(), visibility, want, options.threads, memory);
     if (!evaluation.ok()) throw std::runtime_error(evaluation.failure);
     return evaluation;
   };
@@ -184,7 +186,8 @@ Outcome Minimise(const Objective& objective, const Visibility& visibility, const
   }
   ceres::Problem& problem = blocks ? blocks->problem() : *single;
   if (options.line_search) {
-    Scale(&problem, &coordinates, coordinates.NormalMatrix(evaluate(Want::kNormalMatrix).equations.matrix));
+    Scale(&problem, &coordinates,
+          coordinates.NormalMatrix(evaluate(Want::Order::kNormalMatrix).equations.matrix));
     ++counts.jacobian;
   }
 
@@ -192,7 +195,7 @@ Outcome Minimise(const Objective& objective, const Visibility& visibility, const
     if (accumulated) {
       if (const auto known = accumulated->CostsAt(coordinates.values())) return *known;
     }
-    return evaluate(Want::kCost).equations.costs;
+    return evaluate(Want::Order::kCost).equations.costs;
   };
   Reporter reporter(&coordinates, options.tolerance, observer, costs, counts);
   ceres::Solver::Options ceres_options = ToCeres(options);
@@ -207,7 +210,7 @@ Outcome Minimise(const Objective& objective, const Visibility& visibility, const
   if (reporter.thrown) std::rethrow_exception(reporter.thrown);
   if (reporter.iterations < 0) {
     // Not even the start had a value; why not is the evaluation's to say.
-    evaluate(Want::kNormalMatrix);
+    evaluate(Want::Order::kNormalMatrix);
     throw std::runtime_error(summary.message);
   }
 

@@ -19,7 +19,7 @@ Eigen::Vector2d SilhouetteLookup::Centre(uint32_t index) const {
   return {index % width_ + 0.5, index / width_ + 0.5};
 }
 
-Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point) const {
+Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point, double near_enough) const {
   Eigen::Vector2d best = Eigen::Vector2d::Zero();
   double best_distance = std::numeric_limits<double>::infinity();
   const auto consider = [&](uint32_t index) {
@@ -36,6 +36,9 @@ Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point) const {
     for (const uint32_t index : boundary_) consider(index);
     return best;
   }
+  consider(
+      nearest_[static_cast<size_t>(row) * static_cast<size_t>(grid_width_) + static_cast<size_t>(column)]);
+  if (best_distance <= near_enough * near_enough) return best;
   // The nearest pixel of a cell's centre need not be that of every point in the cell; a neighbouring cell's
   // is.
   for (int r = static_cast<int>(row) - 1; r <= static_cast<int>(row) + 1; ++r) {
@@ -46,7 +49,7 @@ Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point) const {
   return best;
 }
 
-PointGrid::PointGrid(const std::vector<Eigen::Vector2d>& points) : points_(points) {
+PointGrid::PointGrid(const std::vector<Eigen::Vector2d>& points) {
   Eigen::Vector2d high = points.front();
   low_ = high;
   for (const Eigen::Vector2d& point : points) {
@@ -55,29 +58,37 @@ PointGrid::PointGrid(const std::vector<Eigen::Vector2d>& points) : points_(point
   }
   // About two points a cell; never finer than a pixel, never more cells than points ask for.
   const Eigen::Vector2d extent = (high - low_).cwiseMax(1.0);
-  cell_size_ = std::max(1.0, std::sqrt(2.0 * extent.x() * extent.y() / points.size()));
+  cell_size_ = std::max(1.0, std::sqrt(2.0 * extent.x() * extent.y() / static_cast<double>(points.size())));
   cell_size_ = std::max(cell_size_, extent.maxCoeff() / 4096.0);
-  columns_ = static_cast<int>(extent.x() / cell_size_) + 1;
-  rows_ = static_cast<int>(extent.y() / cell_size_) + 1;
+  cells_per_pixel_ = 1.0 / cell_size_;
+  columns_ = static_cast<int>(extent.x() * cells_per_pixel_) + 1;
+  rows_ = static_cast<int>(extent.y() * cells_per_pixel_) + 1;
 
   std::vector<int> cells(points.size());
-  first_.assign(static_cast<size_t>(columns_) * rows_ + 1, 0);
+  first_.assign(static_cast<size_t>(columns_) * static_cast<size_t>(rows_) + 1, 0);
   for (size_t i = 0; i < points.size(); ++i) {
-    const int column = std::min(columns_ - 1, static_cast<int>((points[i].x() - low_.x()) / cell_size_));
-    const int row = std::min(rows_ - 1, static_cast<int>((points[i].y() - low_.y()) / cell_size_));
-    cells[i] = row * columns_ + column;
-    ++first_[cells[i] + 1];
+    cells[i] = Row(points[i].y()) * columns_ + Column(points[i].x());
+    ++first_[static_cast<size_t>(cells[i]) + 1];
   }
   for (size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
-  order_.resize(points.size());
+  entries_.resize(points.size());
   std::vector<int> next(first_.begin(), first_.end() - 1);
-  for (size_t i = 0; i < points.size(); ++i) order_[next[cells[i]]++] = static_cast<int>(i);
+  for (size_t i = 0; i < points.size(); ++i) {
+    entries_[static_cast<size_t>(next[static_cast<size_t>(cells[i])]++)] = {points[i], static_cast<int>(i)};
+  }
 }
 
-int PointGrid::Nearest(const Eigen::Vector2d& pixel) const {
-  const Eigen::Vector2d position = (pixel - low_) / cell_size_;
-  const int column = std::clamp(static_cast<int>(std::floor(position.x())), 0, columns_ - 1);
-  const int row = std::clamp(static_cast<int>(std::floor(position.y())), 0, rows_ - 1);
+int PointGrid::Column(double x) const {
+  return std::clamp(static_cast<int>(std::floor((x - low_.x()) * cells_per_pixel_)), 0, columns_ - 1);
+}
+
+int PointGrid::Row(double y) const {
+  return std::clamp(static_cast<int>(std::floor((y - low_.y()) * cells_per_pixel_)), 0, rows_ - 1);
+}
+
+int PointGrid::Nearest(const Eigen::Vector2d& pixel, double near_enough) const {
+  const double enough = near_enough * near_enough;
+  const int column = Column(pixel.x()), row = Row(pixel.y());
   // A pixel outside the grid is searched from its nearest cell; every cell of ring k is then at least
   // (k - 1) cells away from the pixel's foot on the grid, and so from the pixel.
   int best = -1;
@@ -92,12 +103,14 @@ int PointGrid::Nearest(const Eigen::Vector2d& pixel) const {
       const int step = edge_row ? 1 : std::max(1, 2 * ring);
       for (int c = column - ring; c <= column + ring; c += step) {
         if (c < 0 || c >= columns_) continue;
-        const int cell = r * columns_ + c;
+        const auto cell = static_cast<size_t>(r * columns_ + c);
         for (int k = first_[cell]; k < first_[cell + 1]; ++k) {
-          const double distance = (points_[order_[k]] - pixel).squaredNorm();
-          if (distance < best_distance || (distance == best_distance && order_[k] < best)) {
+          const Entry& entry = entries_[static_cast<size_t>(k)];
+          const double distance = (entry.point - pixel).squaredNorm();
+          if (distance <= enough) return entry.index;
+          if (distance < best_distance || (distance == best_distance && entry.index < best)) {
             best_distance = distance;
-            best = order_[k];
+            best = entry.index;
           }
         }
       }

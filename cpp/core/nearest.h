@@ -1,6 +1,6 @@
 // The two nearest-neighbour searches of Eq. 5, both exact.
-#ifndef SPBA_NEAREST_H_
-#define SPBA_NEAREST_H_
+#ifndef SPBA_CORE_NEAREST_H_
+#define SPBA_CORE_NEAREST_H_
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -18,8 +18,9 @@ class SilhouetteLookup {
   SilhouetteLookup(int width, int padding, int grid_width, int grid_height, std::vector<uint32_t> nearest,
                    std::vector<uint32_t> boundary);
 
-  // Centre of the silhouette pixel nearest to `point` (pixels).
-  Eigen::Vector2d Nearest(const Eigen::Vector2d& point) const;
+  // Centre of the silhouette pixel nearest to `point` (pixels), or of any that is no farther than
+  // `near_enough`.
+  Eigen::Vector2d Nearest(const Eigen::Vector2d& point, double near_enough) const;
 
  private:
   Eigen::Vector2d Centre(uint32_t index) const;
@@ -35,18 +36,25 @@ class PointGrid {
   // Cells cover the bounding box of `points` (pixels); the points must be finite and not empty.
   explicit PointGrid(const std::vector<Eigen::Vector2d>& points);
 
-  // Index of the point nearest to `pixel`; the lowest index of equals.
-  int Nearest(const Eigen::Vector2d& pixel) const;
+  // Index of the point nearest to `pixel`, the lowest index of equals; or of any point that is no farther
+  // than `near_enough`.
+  int Nearest(const Eigen::Vector2d& pixel, double near_enough) const;
 
  private:
-  const std::vector<Eigen::Vector2d>& points_;
+  struct Entry {
+    Eigen::Vector2d point;
+    int index;
+  };
+  int Column(double x) const;
+  int Row(double y) const;
+
   Eigen::Vector2d low_;
-  double cell_size_;
+  double cell_size_, cells_per_pixel_;
   int columns_, rows_;
-  std::vector<int> first_;  // cell -> its first entry in order_; one more at the end
-  std::vector<int> order_;  // point indices, cell after cell
+  std::vector<int> first_;      // cell -> its first entry; one more at the end
+  std::vector<Entry> entries_;  // cell after cell
 };
 
 }  // namespace spba
 
-#endif  // SPBA_NEAREST_H_
+#endif  // SPBA_CORE_NEAREST_H_

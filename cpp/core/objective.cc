@@ -8,8 +8,9 @@
 namespace spba {
 namespace {
 
-// Points are summed in so many parts, whatever the number of threads.
-constexpr int kParts = 16;
+// Points are summed in so many parts, whatever the number of threads; each part takes every kParts-th block
+// of kBlock points, as the first points have more residuals than the last.
+constexpr int kParts = 16, kBlock = 32;
 
 }  // namespace
 
@@ -20,12 +21,12 @@ double Evaluation::Cost() const {
 }
 
 Evaluation Objective::Evaluate(const Variables& variables, const Visibility& visibility, Want want,
-                               bool with_focal, int threads, ShapeMemory* memory) const {
+                               int threads, ShapeMemory* memory) const {
   const Layout layout{static_cast<int>(variables.camera_from_object.size()),
                       static_cast<int>(variables.style.size())};
   Evaluation evaluation{"", NormalEquations(layout, want)};
   try {
-    const Views views(variables, prior_, weak_perspective_, want != Want::kCost, memory);
+    const Views views(variables, prior_, weak_perspective_, want.derivatives() && want.style, memory);
     if (!views.InFront()) {
       evaluation.failure = kBehindCamera;
       return evaluation;
@@ -36,12 +37,13 @@ Evaluation Objective::Evaluate(const Variables& variables, const Visibility& vis
     }
     const int points = visits.empty() ? 0 : views.point_count();
     const auto sum_part = [&](int part, NormalEquations* sums) {
-      PointSystem system(views, *footage_, visibility.level, with_focal, want);
-      const auto border = [&](int i) { return static_cast<int>(static_cast<int64_t>(points) * i / kParts); };
-      for (int j = border(part); j < border(part + 1); ++j) {
-        system.Begin(j);
-        for (const auto& visit : visits) visit->AddPoint(j, &system);
-        system.Finish(sums);
+      PointSystem system(views, *footage_, visibility.level, want);
+      for (int block = kBlock * part; block < points; block += kBlock * kParts) {
+        for (int j = block; j < std::min(points, block + kBlock); ++j) {
+          system.Begin(j);
+          for (const auto& visit : visits) visit->AddPoint(j, &system);
+          system.Finish(sums);
+        }
       }
       system.Flush(sums);
     };

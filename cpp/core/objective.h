@@ -34,10 +34,10 @@ class Objective {
 
   void Add(std::unique_ptr<const Term> term) { terms_.push_back(std::move(term)); }
 
-  // The cost by term, and as much of its derivatives as is wanted, at `variables`, of which log focal counts
-  // if `with_focal`. The bytes do not depend on `threads`. What an earlier evaluation did has no influence.
-  Evaluation Evaluate(const Variables& variables, const Visibility& visibility, Want want, bool with_focal,
-                      int threads, ShapeMemory* memory) const;
+  // The cost by term, and as much of its derivatives as is wanted, at `variables`. The bytes do not depend on
+  // `threads`. What an earlier evaluation did has no influence.
+  Evaluation Evaluate(const Variables& variables, const Visibility& visibility, Want want, int threads,
+                      ShapeMemory* memory) const;
 
   const Footage& footage() const { return *footage_; }
   const Prior& prior() const { return prior_; }

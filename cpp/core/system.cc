@@ -16,8 +16,8 @@ void AddRow(const Vector3& a, const double* x, int styles, double* target) {
 }  // namespace
 
 NormalEquations::NormalEquations(const Layout& layout, Want want) {
-  if (want != Want::kCost) gradient.setZero(layout.size());
-  if (want == Want::kNormalMatrix) matrix.setZero(layout.size(), layout.size());
+  if (want.derivatives()) gradient.setZero(layout.size());
+  if (want.normal_matrix()) matrix.setZero(layout.size(), layout.size());
 }
 
 void NormalEquations::Add(const NormalEquations& other) {
@@ -34,15 +34,14 @@ void NormalEquations::SetZero() {
 
 void NormalEquations::Symmetrise() { matrix.triangularView<Eigen::StrictlyLower>() = matrix.transpose(); }
 
-PointSystem::PointSystem(const Views& views, const Footage& footage, int level, bool with_focal, Want want)
+PointSystem::PointSystem(const Views& views, const Footage& footage, int level, Want want)
     : views_(views),
       footage_(footage),
       level_(level),
-      with_focal_(with_focal),
       want_(want),
       slots_(static_cast<size_t>(views.frame_count()), -1) {
   seen_.reserve(slots_.size());
-  if (want == Want::kNormalMatrix) {
+  if (want.normal_matrix() && want.style) {
     batch_x_.resize(3 * kBatch, views.style_count());
     batch_vx_.resize(3 * kBatch, views.style_count());
   }
@@ -79,7 +78,7 @@ PointView& PointSystem::ColouredView(int l) {
   view.has_colour = true;
   const LevelImage& image = *footage_.frames[static_cast<size_t>(l)].levels[static_cast<size_t>(level_)];
   const PointColour colour{image.camera, &image.sampler};
-  if (want_ == Want::kCost) {
+  if (!want_.derivatives()) {
     view.colour.setConstant(kNotEvaluated);
     colour(view.position.data(), view.colour.data());
     return view;
@@ -110,7 +109,7 @@ void PointSystem::AddDifference(PointView* a, PointView* b, const Weighed<3>& we
   const Matrix3& by_b = b->colour_by_position;
   a->gradient.noalias() += by_a.transpose() * weighed.slope;
   b->gradient.noalias() -= by_b.transpose() * weighed.slope;
-  if (want_ != Want::kNormalMatrix) return;
+  if (!want_.normal_matrix()) return;
   PairBlock& pair = pairs_.emplace_back();
   pair.a = slots_[static_cast<size_t>(a->frame)];
   pair.b = slots_[static_cast<size_t>(b->frame)];
@@ -129,10 +128,10 @@ void PointSystem::AddDifference(PointView* a, PointView* b, const Weighed<3>& we
 void PointSystem::Finish(NormalEquations* sums) {
   for (int i = 0; i < kTerms; ++i) sums->costs[i] += costs_[i];
   costs_.fill(0.0);
-  if (want_ == Want::kCost || seen_.empty()) return;
+  if (!want_.derivatives() || seen_.empty()) return;
   const Layout& layout = views_.layout();
   const int styles = layout.styles;
-  const double* const x = views_.PointJacobian(point_);
+  const double* const x = want_.style ? views_.PointJacobian(point_) : nullptr;
   double* const gradient = sums->gradient.data();
 
   Vector3 by_point = Vector3::Zero();
@@ -143,11 +142,11 @@ void PointSystem::Finish(NormalEquations* sums) {
     by_point.noalias() += views_.frame(view.frame).linear.transpose() * view.gradient;
     Eigen::Map<Vector6>(gradient + layout.pose(view.frame)).noalias() +=
         by_pose_[i].transpose() * view.gradient;
-    if (with_focal_) gradient[layout.log_focal()] += Views::ByLogFocal(view.position).dot(view.gradient);
+    if (want_.focal) gradient[layout.log_focal()] += Views::ByLogFocal(view.position).dot(view.gradient);
   }
-  AddRow(by_point, x, styles, gradient + layout.style());
+  if (want_.style) AddRow(by_point, x, styles, gradient + layout.style());
   gradient[layout.log_alpha()] += alpha_gradient_;
-  if (want_ != Want::kNormalMatrix) return;
+  if (!want_.normal_matrix()) return;
 
   RowMajorMatrix& matrix = sums->matrix;
   by_style_.resize(seen_.size());
@@ -155,7 +154,7 @@ void PointSystem::Finish(NormalEquations* sums) {
   for (size_t i = 0; i < seen_.size(); ++i) {
     const PointView& view = seen_[i];
     by_style_[i].noalias() = view.curvature * views_.frame(view.frame).linear;
-    if (with_focal_) {
+    if (want_.focal) {
       with_focal_by_position_[i].noalias() = view.curvature * Views::ByLogFocal(view.position);
     }
     const Matrix36 curved = view.curvature * by_pose_[i];
@@ -167,7 +166,7 @@ void PointSystem::Finish(NormalEquations* sums) {
     const PointView &view_a = seen_[a], &view_b = seen_[b];
     by_style_[a].noalias() += pair.curvature * views_.frame(view_b.frame).linear;
     by_style_[b].noalias() += pair.curvature.transpose() * views_.frame(view_a.frame).linear;
-    if (with_focal_) {
+    if (want_.focal) {
       with_focal_by_position_[a].noalias() += pair.curvature * Views::ByLogFocal(view_b.position);
       with_focal_by_position_[b].noalias() += pair.curvature.transpose() * Views::ByLogFocal(view_a.position);
     }
@@ -189,13 +188,15 @@ void PointSystem::Finish(NormalEquations* sums) {
     const Matrix3& linear = views_.frame(view.frame).linear;
     const int at = layout.pose(view.frame);
     by_point_twice.noalias() += linear.transpose() * by_style_[i];
-    const Eigen::Matrix<double, 6, 3> with_point = by_pose_[i].transpose() * by_style_[i];
-    for (int r = 0; r < 6; ++r) {
-      AddRow(with_point.row(r), x, styles, &matrix(at + r, layout.style()));
+    if (want_.style) {
+      const Eigen::Matrix<double, 6, 3> with_point = by_pose_[i].transpose() * by_style_[i];
+      for (int r = 0; r < 6; ++r) {
+        AddRow(with_point.row(r), x, styles, &matrix(at + r, layout.style()));
+      }
     }
     matrix.block<6, 1>(at, layout.log_alpha()).noalias() += by_pose_[i].transpose() * view.with_alpha;
     alpha_by_point.noalias() += linear.transpose() * view.with_alpha;
-    if (with_focal_) {
+    if (want_.focal) {
       const Vector3 by_focal = Views::ByLogFocal(view.position);
       matrix.block<6, 1>(at, layout.log_focal()).noalias() +=
           by_pose_[i].transpose() * with_focal_by_position_[i];
@@ -205,10 +206,11 @@ void PointSystem::Finish(NormalEquations* sums) {
     }
   }
   matrix(layout.log_alpha(), layout.log_alpha()) += alpha_curvature_;
+  if (!want_.style) return;
   for (int k = 0; k < styles; ++k) {
     const Vector3 column(x[k], x[styles + k], x[2 * styles + k]);
     matrix(layout.style() + k, layout.log_alpha()) += column.dot(alpha_by_point);
-    if (with_focal_) matrix(layout.style() + k, layout.log_focal()) += column.dot(focal_by_point);
+    if (want_.focal) matrix(layout.style() + k, layout.log_focal()) += column.dot(focal_by_point);
   }
 
   const Eigen::Map<const RowMajorMatrix> x_matrix(x, 3, styles);

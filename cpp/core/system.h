@@ -19,8 +19,17 @@ constexpr double kNotEvaluated = std::numeric_limits<double>::quiet_NaN();
 enum TermIndex { kPhotometric, kSilhouette, kInverseDepth, kStyle, kMotion, kFocal, kTerms };
 using Costs = std::array<double, kTerms>;
 
-// What an evaluation is asked for; each includes the ones before.
-enum class Want { kCost, kGradient, kNormalMatrix };
+// What an evaluation is asked for.
+struct Want {
+  // Each includes the ones before.
+  enum class Order { kCost, kGradient, kNormalMatrix };
+  Order order = Order::kCost;
+  // Whether derivatives by the style and by log focal are among it; else theirs stay zero.
+  bool style = true, focal = true;
+
+  bool derivatives() const { return order != Order::kCost; }
+  bool normal_matrix() const { return order == Order::kNormalMatrix; }
+};
 
 // Sums over residuals, laid out as Layout says. The normal matrix's upper triangle holds until Symmetrise.
 struct NormalEquations {
@@ -54,7 +63,7 @@ struct PointView {
 // Holds buffers alone; one a thread of evaluations.
 class PointSystem {
  public:
-  PointSystem(const Views& views, const Footage& footage, int level, bool with_focal, Want want);
+  PointSystem(const Views& views, const Footage& footage, int level, Want want);
 
   // Residuals added from now on are those of point j.
   void Begin(int j);
@@ -63,7 +72,7 @@ class PointSystem {
   // Adds what Finish still holds back; to be called after the last point.
   void Flush(NormalEquations* sums);
 
-  bool with_derivatives() const { return want_ != Want::kCost; }
+  bool with_derivatives() const { return want_.derivatives(); }
   const Views& views() const { return views_; }
   Costs& costs() { return costs_; }
 
@@ -78,7 +87,7 @@ class PointSystem {
            const Eigen::Matrix<double, kResiduals, 1>& residual,
            const Eigen::Matrix<double, kResiduals, 3>& by_position) {
     view->gradient.noalias() += by_position.transpose() * weighed.slope;
-    if (want_ != Want::kNormalMatrix) return;
+    if (!want_.normal_matrix()) return;
     const Vector3 along = by_position.transpose() * residual;
     view->curvature.noalias() += weighed.across * (by_position.transpose() * by_position);
     if (weighed.less_along != 0.0) {
@@ -102,7 +111,6 @@ class PointSystem {
   const Views& views_;
   const Footage& footage_;
   const int level_;
-  const bool with_focal_;
   const Want want_;
   Costs costs_{};
 

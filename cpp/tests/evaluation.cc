@@ -295,16 +295,17 @@ void CompareAt(const std::string& name, const Objective& objective, const Visibi
   }
 
   ShapeMemory memory;
-  const auto evaluate = [&](Want want) {
-    return objective.Evaluate(coordinates.Current(), visibility, want, free.log_focal, 1, &memory);
+  const auto evaluate = [&](Want::Order order) {
+    return objective.Evaluate(coordinates.Current(), visibility, {order, free.style, free.log_focal}, 1,
+                              &memory);
   };
-  const Evaluation found = evaluate(Want::kNormalMatrix);
+  const Evaluation found = evaluate(Want::Order::kNormalMatrix);
   const Eigen::VectorXd found_gradient = coordinates.Gradient(found.equations.gradient);
   const double of_cost = std::abs(found.Cost() - cost) / cost;
-  const double without = std::abs(evaluate(Want::kCost).Cost() - cost) / cost;
+  const double without = std::abs(evaluate(Want::Order::kCost).Cost() - cost) / cost;
   const double of_gradient = Difference(expected_gradient, found_gradient);
-  const double only_gradient =
-      Difference(expected_gradient, coordinates.Gradient(evaluate(Want::kGradient).equations.gradient));
+  const double only_gradient = Difference(
+      expected_gradient, coordinates.Gradient(evaluate(Want::Order::kGradient).equations.gradient));
   const double of_matrix = Difference(expected_matrix, coordinates.NormalMatrix(found.equations.matrix));
   char text[200];
   std::snprintf(text, sizeof(text), "cost %.1e, %.1e, gradient %.1e, %.1e, normal matrix %.1e", of_cost,
@@ -327,7 +328,7 @@ void CompareAt(const std::string& name, const Objective& objective, const Visibi
         std::vector<double> moved = values;
         moved[block.offset + static_cast<size_t>(i)] += step;
         coordinates.SetValues(moved);
-        return evaluate(Want::kCost).Cost();
+        return evaluate(Want::Order::kCost).Cost();
       };
       numeric[entry++] = (cost_at(kStep) - cost_at(-kStep)) / (2.0 * kStep);
     }
@@ -399,7 +400,7 @@ void CheckFailures(const Scene& scene, const Variables& start) {
   objective.Add(MakeInverseDepthTerm({1000.0, 0.003, kFrames}));
   ShapeMemory memory;
   const auto evaluate = [&](const Variables& at) {
-    return objective.Evaluate(at, scene.visibility, Want::kNormalMatrix, false, 1, &memory);
+    return objective.Evaluate(at, scene.visibility, {Want::Order::kNormalMatrix}, 1, &memory);
   };
   const Evaluation before = evaluate(start);
   Variables moved = start;
@@ -513,7 +514,7 @@ int main() {
 
   ShapeMemory memory;
   const auto with_threads = [&](int threads) {
-    return all.Evaluate(start, scene.visibility, Want::kNormalMatrix, true, threads, &memory);
+    return all.Evaluate(start, scene.visibility, {Want::Order::kNormalMatrix}, threads, &memory);
   };
   Check("threads", SameBytes(with_threads(1), with_threads(2)) && SameBytes(with_threads(1), with_threads(7)),
         "the same bytes with 1, 2 and 7");

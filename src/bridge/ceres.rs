@@ -338,15 +338,17 @@ unsafe impl Sync for ffi::Footage {}
 /// How C++ asks for X(s) and ∂X/∂s.
 pub struct PriorCallback {
     prior: Arc<dyn ShapePrior>,
+    points: usize,
 }
 
 impl PriorCallback {
-    pub fn new(prior: Arc<dyn ShapePrior>) -> Self {
-        Self { prior }
+    /// The first `points` of the prior's.
+    pub fn new(prior: Arc<dyn ShapePrior>, points: usize) -> Self {
+        Self { prior, points }
     }
 
     fn point_count(&self) -> usize {
-        self.prior.point_count()
+        self.points
     }
 
     fn style_count(&self) -> usize {

@@ -94,14 +94,15 @@ impl<'a> Objective<'a> {
         if target >= frames {
             return Err(ObjectiveError::Target { target, frames });
         }
+        let points = limit(options.points, prior.point_count());
+        let targets = limit(options.silhouette_targets, prior.point_count());
         let options = ObjectiveOptions {
-            points: limit(options.points, prior.point_count()),
+            points,
             ..options.clone()
         };
         let problem = ffi::new_problem(
             footage.shared.clone(),
-            // All points: those of a denser shape leave fewer pixels without one.
-            Box::new(PriorCallback::new(prior.clone())),
+            Box::new(PriorCallback::new(prior.clone(), points.max(targets))),
             &terms(sequence, &options, prior.style_len(), target, start.alpha),
         )?;
         Ok(Self {

@@ -52,10 +52,13 @@ pub struct ObjectiveOptions {
     /// Points project as if all had the depth of the object's origin, as in Zhu et al. There is no depth of single
     /// points then, so the inverse-depth term must have no weight. Visibility stays that of the perspective camera.
     pub weak_perspective: bool,
-    /// How many of the prior's points Eq. 4 and 6 use; 0 means all. The silhouettes' pixels look for theirs among all.
+    /// How many of the prior's points Eq. 4 and 6 use; 0 means all.
     pub points: usize,
     /// At most this many of each silhouette's pixels are paired with points, the weight rescaled; 0 means all.
     pub silhouette_pixels: usize,
+    /// Among how many of the prior's points a silhouette's pixels look for theirs; 0 means all. The denser they are, the fewer
+    /// pixels inside the silhouette find none within the tolerance.
+    pub silhouette_targets: usize,
     /// At most this many of the points are paired with silhouette pixels, the weight rescaled; 0 means all.
     pub silhouette_points: usize,
     /// How many points each one stands for in the sums over points.
@@ -112,6 +115,9 @@ fn one() -> f64 {
 const CAUTIOUS_CAUCHY: f64 = 4.0;
 const CAUTIOUS_STYLE: f64 = 10.0;
 
+/// Of a thinned shape, so many points for each in use are there for the silhouettes' pixels: fewer leave gaps within.
+const TARGETS_A_POINT: usize = 4;
+
 /// Weight of a mean over frames: squared distances in deviations between Δp_l and the off-the-shelf motion.
 pub(super) const MOTION_WEIGHT: f64 = 2500.0;
 /// Cauchy scale in deviations: single off-the-shelf poses are wrong.
@@ -143,6 +149,7 @@ impl Default for ObjectiveOptions {
             weak_perspective: false,
             points: 8192,
             silhouette_pixels: 2000,
+            silhouette_targets: 0,
             silhouette_points: 2048,
             point_weight: one(),
         }
@@ -182,6 +189,7 @@ impl ObjectiveOptions {
             points: used,
             point_weight: self.point_weight * ratio,
             silhouette_pixels: thin(self.silhouette_pixels),
+            silhouette_targets: limit(self.silhouette_targets, all).min(TARGETS_A_POINT * used),
             silhouette_points: thin(self.silhouette_points),
             ..self.clone()
         }

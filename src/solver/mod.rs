@@ -29,6 +29,12 @@ use std::time::Instant;
 const HYPOTHESIS_POINTS: usize = 2048;
 /// So many steps of a short solve move the pose alone.
 const PLACING_STEPS: usize = 3;
+/// Steps of a short solve that move all variables, round by round.
+const SHORT_SOLVE_STEPS: [usize; 3] = [1, 1, 3];
+/// Ceres iterations of each of them.
+const SHORT_SOLVE_ITERATIONS: u32 = 10;
+/// As [`SolverOptions::tolerance`].
+const SHORT_SOLVE_TOLERANCE: f64 = 3e-3;
 
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
@@ -122,7 +128,8 @@ pub struct ShortSolves {
 }
 
 /// A short solve from every start, at the coarsest pyramid level of `footage`, all variables at once by Levenberg–Marquardt;
-/// the lowest objective wins. The objective is `objective_options`', made cautious for starts that may be far off.
+/// the lowest objective wins. The objective is `objective_options`', made cautious for starts that may be far off. After each
+/// round the worse half of the starts is given up.
 ///
 /// They run side by side on rayon's threads, each in itself on one thread, so that the result does not depend on how
 /// many there are.
@@ -139,51 +146,94 @@ pub fn short_solves(
     observer: &Observer,
 ) -> Result<ShortSolves, SolveError> {
     let began = Instant::now();
-    let options = SolverOptions {
-        evaluation,
-        max_steps: 5,
-        iterations_per_call: 10,
-        ..SolverOptions::default()
-    };
     let cautious = objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count());
-    let trials: Vec<Descent> = starts
-        .par_iter()
+    let mut trials: Vec<Trial> = starts
+        .iter()
         .enumerate()
-        .map(|(i, start)| {
+        .map(|(index, start)| Trial {
+            index,
+            estimate: start.clone(),
+            objectives: (f64::INFINITY, f64::INFINITY),
+            trace: Vec::new(),
+            cpu_seconds: 0.0,
+        })
+        .collect();
+    let mut given_up = Vec::new();
+    for (round, &steps) in SHORT_SOLVE_STEPS.iter().enumerate() {
+        let options = SolverOptions {
+            evaluation,
+            max_steps: steps,
+            iterations_per_call: SHORT_SOLVE_ITERATIONS,
+            tolerance: SHORT_SOLVE_TOLERANCE,
+            ..SolverOptions::default()
+        };
+        trials.par_iter_mut().try_for_each(|trial| {
+            let start = &starts[trial.index];
             let mut objective = Objective::new(footage, prior.clone(), &cautious, target, start, 1)?;
             let route = Route {
-                stage: &format!("hypothesis-{i}/"),
-                placing_steps: PLACING_STEPS,
+                stage: &format!("hypothesis-{}/round-{round}/", trial.index),
+                placing_steps: if round == 0 { PLACING_STEPS } else { 0 },
                 levels: &[footage.levels() - 1],
             };
-            descend(
+            let descent = descend(
                 &mut objective,
                 footage.sequence(),
                 target,
-                start,
+                &trial.estimate,
                 &options,
                 &route,
                 &mut Progress::new(observer),
-            )
-        })
-        .collect::<Result<_, _>>()?;
-    let chosen = (0..trials.len())
-        .min_by(|&a, &b| trials[a].end.total.total_cmp(&trials[b].end.total))
-        .ok_or(SolveError::NoStart)?;
-    let cpu = trials.iter().map(|trial| trial.cpu_seconds).sum();
+            )?;
+            trial.take(descent, round == 0);
+            Ok::<_, SolveError>(())
+        })?;
+        // Stable, so that ties keep the order of the starts.
+        trials.sort_by(|a, b| a.objectives.1.total_cmp(&b.objectives.1));
+        let kept = trials.len().div_ceil(2);
+        if round + 1 < SHORT_SOLVE_STEPS.len() {
+            given_up.extend(trials.drain(kept..));
+        }
+    }
+    let best = trials.first().ok_or(SolveError::NoStart)?;
+    let (estimate, chosen) = (best.estimate.clone(), best.index);
+    trials.extend(given_up);
+    trials.sort_by_key(|trial| trial.index);
     Ok(ShortSolves {
-        estimate: trials[chosen].estimate.clone(),
+        estimate,
         chosen,
-        objectives: trials
-            .iter()
-            .map(|trial| (trial.start.total, trial.end.total))
-            .collect(),
-        trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
+        objectives: trials.iter().map(|trial| trial.objectives).collect(),
         seconds: vec![
             ("hypotheses".to_owned(), began.elapsed().as_secs_f64()),
-            ("hypotheses_cpu".to_owned(), cpu),
+            (
+                "hypotheses_cpu".to_owned(),
+                trials.iter().map(|trial| trial.cpu_seconds).sum(),
+            ),
         ],
+        trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
     })
+}
+
+/// A start on its way through the rounds of [`short_solves`].
+struct Trial {
+    /// Of the start.
+    index: usize,
+    estimate: Estimate,
+    /// At the start and now.
+    objectives: (f64, f64),
+    trace: Vec<TraceRow>,
+    cpu_seconds: f64,
+}
+
+impl Trial {
+    fn take(&mut self, descent: Descent, is_first: bool) {
+        if is_first {
+            self.objectives.0 = descent.start.total;
+        }
+        self.objectives.1 = descent.end.total;
+        self.estimate = descent.estimate;
+        self.trace.extend(descent.trace);
+        self.cpu_seconds += descent.cpu_seconds;
+    }
 }
 
 /// Minimises Eq. 9 from one start, through the pyramid levels of `footage` from the coarsest on, at most `options.levels`.

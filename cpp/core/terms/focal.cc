@@ -17,8 +17,8 @@ class FocalTerm : public Term {
     const double x = variables.log_focal;
     sums->costs[kFocal] += 0.5 * information_ * x * x;
     const int at = layout.log_focal();
-    if (want != Want::kCost) sums->gradient[at] += information_ * x;
-    if (want == Want::kNormalMatrix) sums->matrix(at, at) += information_;
+    if (want.derivatives()) sums->gradient[at] += information_ * x;
+    if (want.normal_matrix()) sums->matrix(at, at) += information_;
   }
 
   void AddBlocks(const Visibility&, BlockProblem* problem) const override {

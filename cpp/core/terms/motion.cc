@@ -97,13 +97,13 @@ class MotionTerm : public Term {
       double rho[3];
       loss.Evaluate(at.residual.squaredNorm(), rho);
       sums->costs[kMotion] += 0.5 * weight_ * rho[0];
-      if (want == Want::kCost) continue;
+      if (!want.derivatives()) continue;
       const double slope = weight_ * rho[1];
       const int a = layout.pose(motion.a), b = layout.pose(motion.b), alpha = layout.log_alpha();
       sums->gradient.segment<6>(a) += slope * at.by_a.transpose() * at.residual;
       sums->gradient.segment<6>(b) += slope * at.by_b.transpose() * at.residual;
       sums->gradient[alpha] += slope * at.by_log_alpha.dot(at.residual);
-      if (want != Want::kNormalMatrix) continue;
+      if (!want.normal_matrix()) continue;
       RowMajorMatrix& matrix = sums->matrix;
       matrix.block<6, 6>(a, a) += slope * at.by_a.transpose() * at.by_a;
       matrix.block<6, 6>(b, b) += slope * at.by_b.transpose() * at.by_b;

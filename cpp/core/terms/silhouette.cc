@@ -7,7 +7,7 @@
 namespace spba {
 namespace {
 
-// Who is nearest to whom in one frame.
+// Who is nearest to whom in one frame, or near enough to have no residual.
 struct Matches {
   std::vector<Vector2> pixel_of_point;  // of the points in use
   std::vector<int> point_of_pixel;
@@ -51,12 +51,14 @@ class SilhouetteVisit : public Visit {
     }
     matches.pixel_of_point.reserve(static_cast<size_t>(share.points));
     for (int j = 0; j < share.points; ++j) {
-      matches.pixel_of_point.push_back(frame.silhouette->Nearest(at[static_cast<size_t>(j)]));
+      matches.pixel_of_point.push_back(
+          frame.silhouette->Nearest(at[static_cast<size_t>(j)], options_.tolerance));
     }
     if (share.pixels.empty()) return;
     const PointGrid grid(at);
     matches.point_of_pixel.reserve(share.pixels.size());
-    for (const Vector2& pixel : share.pixels) matches.point_of_pixel.push_back(grid.Nearest(pixel));
+    for (const Vector2& pixel : share.pixels)
+      matches.point_of_pixel.push_back(grid.Nearest(pixel, options_.tolerance));
     std::vector<int> indices(share.pixels.size());
     for (size_t k = 0; k < indices.size(); ++k) indices[k] = static_cast<int>(k);
     matches.pixels = PointLists<int>(projected, indices, [&](size_t k) { return matches.point_of_pixel[k]; });

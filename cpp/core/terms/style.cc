@@ -19,10 +19,10 @@ class StyleTerm : public Term {
     double rho[3];
     StyleLoss(options_.reach).Evaluate(s, rho);
     sums->costs[kStyle] += 0.5 * options_.weight * rho[0];
-    if (want == Want::kCost) return;
+    if (!want.derivatives()) return;
     const double slope = options_.weight * rho[1];
     sums->gradient.segment(layout.style(), layout.styles) += slope * style;
-    if (want != Want::kNormalMatrix) return;
+    if (!want.normal_matrix()) return;
     auto block = sums->matrix.block(layout.style(), layout.style(), layout.styles, layout.styles);
     block.diagonal().array() += slope;
     // Beyond the reach the loss is convex: Ceres adds the curvature along the style (Triggs et al.).
