@@ -46,12 +46,14 @@ ceres::LineSearchInterpolationType ToCeres(Interpolation interpolation) {
 
 // Poses but the target's first, then a group for each other block: Ceres orders the members of a group by
 // their addresses, and the result would depend on where they happen to lie.
-std::shared_ptr<ceres::ParameterBlockOrdering> SourcesFirst(Coordinates* coordinates, int target) {
+std::shared_ptr<ceres::ParameterBlockOrdering> SourcesFirst(const ceres::Problem& problem,
+                                                            Coordinates* coordinates, int target) {
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   int group = 1;
   const bool each = coordinates->free().poses == PoseMotion::kEach;
   for (const Coordinates::Block& block : coordinates->blocks()) {
     double* const values = coordinates->Values(block);
+    if (!problem.HasParameterBlock(values)) continue;
     const bool source = block.size == 6 && each && values < coordinates->StyleBlock() &&
                         values != coordinates->PoseBlock(target);
     ordering->AddElementToGroup(values, source ? 0 : group++);
@@ -201,7 +203,7 @@ Outcome Minimise(const Objective& objective, const Visibility& visibility, const
   ceres::Solver::Options ceres_options = ToCeres(options);
   ceres_options.callbacks.push_back(&reporter);
   if (ceres::IsSchurType(ceres_options.linear_solver_type)) {
-    ceres_options.linear_solver_ordering = SourcesFirst(&coordinates, target);
+    ceres_options.linear_solver_ordering = SourcesFirst(problem, &coordinates, target);
   }
   std::string error;
   if (!ceres_options.IsValid(&error)) throw std::invalid_argument(error);

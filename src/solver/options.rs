@@ -149,7 +149,7 @@ impl Default for SolverOptions {
             max_steps: 20,
             iterations_per_call: 20,
             threshold: 0.0,
-            tolerance: 3e-4,
+            tolerance: 1e-3,
             levels: 3,
             threads: one(),
         }
