@@ -1,11 +1,16 @@
-//! The configuration of one run, as TOML: what `--config` reads and what a result folder keeps.
+//! The configuration of one run, as TOML: what `--config` and `--set` read and what a result folder keeps.
+
+mod setting;
+
+pub use setting::Setting;
 
 use crate::init::InitOptions;
 use crate::objective::ObjectiveOptions;
 use crate::sequence::{FrameWindow, LoadOptions, WindowError};
-use crate::solver::SolverOptions;
+use crate::solver::{LinearSolver, Minimiser, SolverOptions, default_lbfgs_rank};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use toml::Table;
 
 /// Everything that decides a result besides the input's files. Every key has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,7 +73,7 @@ pub struct InputOptions {
     /// Every so many of these frames.
     pub every: usize,
     /// The target frame (p0, frame 0 of Eq. 4), counted among the frames in use; none = the middle one, which
-    /// shares the most with all others.
+    /// shares the most with all others. The paper's is 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<usize>,
 }
@@ -111,55 +116,105 @@ pub struct TargetError {
     frames: usize,
 }
 
-/// Why a configuration file cannot be used.
+/// Why a configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     #[error("{}: cannot read the configuration: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
     #[error("{}: {message}", path.display())]
     Parse { path: PathBuf, message: String },
+    /// A key from the command line, `given` as it stands there.
+    #[error("{given}: {message}")]
+    Setting { given: String, message: String },
+    #[error("the configuration has no form in TOML: {0}")]
+    Write(#[from] toml::ser::Error),
 }
+
+/// Keys that TOML cannot express while they have no value: section, key, a value, what its absence means.
+const ABSENT: [(&str, &str, &str, &str); 3] = [
+    ("input", "depth", "\"openmvs\"", "no openMVS depth"),
+    ("input", "target", "0", "the middle one of the frames in use"),
+    (
+        "objective",
+        "motion_deviation",
+        "0.005",
+        "what the sequence says of itself, or 0 where it says nothing",
+    ),
+];
+
+/// The end of every error about a key.
+const MEND: &str = "`spba-ceres solve --print-config` shows every key with a value";
 
 impl Config {
     /// Reads a TOML file; unknown keys are errors.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        toml::from_str(&text).map_err(|error| ConfigError::Parse {
-            path: path.to_owned(),
-            message: crate::image::one_line(error.message()),
+        Self::layered(Some(path), &[])
+    }
+
+    /// A file's keys over the defaults, and settings over both; of two settings for one key the later counts.
+    ///
+    /// # Errors
+    /// An unknown key or a value of the wrong type, with its key, where it was given, and what is known or expected. The file
+    /// must do without the settings.
+    pub fn layered(file: Option<&Path>, settings: &[Setting]) -> Result<Self, ConfigError> {
+        let mut table = Table::try_from(Self::default())?;
+        if let Some(path) = file {
+            setting::lay(&mut table, read(path)?);
+            setting::config_of(table.clone()).map_err(|fault| ConfigError::Parse {
+                path: path.to_owned(),
+                message: format!("{}: {}; {MEND}", fault.key, fault.message),
+            })?;
+        }
+        setting::lay(&mut table, setting::table_of(settings));
+        setting::config_of(table).map_err(|fault| ConfigError::Setting {
+            given: fault.given(settings),
+            message: format!("{}; {MEND}", fault.message),
         })
     }
 
-    /// The file that would give this configuration.
-    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string_pretty(self)
+    /// The file that would give this configuration. It names every key; those that have no value are comments.
+    pub fn to_toml(&self) -> Result<String, ConfigError> {
+        let mut text = toml::to_string_pretty(self)?;
+        let table = Table::try_from(self)?;
+        let mut note = |section: &str, lines: &str| {
+            let header = format!("[{section}]\n");
+            text = text.replacen(&header, &format!("{header}{lines}"), 1);
+        };
+        // Each goes to the head of its section, so that the last comes first.
+        for (section, key, value, meaning) in ABSENT.into_iter().rev() {
+            if table
+                .get(section)
+                .is_some_and(|section| section.get(key).is_none())
+            {
+                note(section, &format!("# {key} = {value}    # absent: {meaning}\n"));
+            }
+        }
+        let other = match self.solver.minimiser {
+            Minimiser::Lm { .. } => Minimiser::lbfgs(default_lbfgs_rank()),
+            Minimiser::Lbfgs { .. } => Minimiser::lm(LinearSolver::Auto),
+        };
+        let keys: String = toml::to_string_pretty(&other)?
+            .lines()
+            .map(|line| format!("#     {line}\n"))
+            .collect();
+        note(
+            "solver.minimiser",
+            &format!("# Or the other method, with its own keys:\n{keys}"),
+        );
+        Ok(text)
     }
+}
+
+fn read(path: &Path) -> Result<Table, ConfigError> {
+    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    text.parse().map_err(|error: toml::de::Error| ConfigError::Parse {
+        path: path.to_owned(),
+        message: crate::image::one_line(error.message()),
+    })
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_written_configuration_reads_back() {
-        let mut config = Config::default();
-        config.solver.minimiser = crate::solver::Minimiser::lbfgs(7);
-        config.input.frames = "0..16".into();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("config.toml");
-        std::fs::write(&path, config.to_toml().unwrap()).unwrap();
-        assert_eq!(Config::load(&path).unwrap(), config);
-    }
-
-    #[test]
-    fn unknown_keys_are_errors_on_one_line() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("config.toml");
-        std::fs::write(&path, "[solver]\nsteps = 3\n").unwrap();
-        let message = Config::load(&path).unwrap_err().to_string();
-        assert!(message.contains("steps") && !message.contains('\n'), "{message}");
-    }
-}
+mod tests;

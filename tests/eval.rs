@@ -3,7 +3,7 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use spba_ceres::geometry::{Pinhole, Pose, RelativePose, Rotation3, Vector3};
+use spba_ceres::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use spba_ceres::image::Grid;
 use spba_ceres::init::Estimate;
 use spba_ceres::report::{ReportInput, Surface};

@@ -172,8 +172,11 @@ fn solve_makes_its_sequence_anew_where_options_changed() {
         let output = Command::cargo_bin("spba-ceres")
             .unwrap()
             .args(["solve", text(&images), "--masks", text(&masks), "--focal", focal])
-            .args(["--max-frames", "4", "--hypotheses", "1"])
-            .args(["--levels", "1", "--max-steps", "1", "--iterations", "2"])
+            .args(["--max-frames", "4", "--set", "init.hypotheses.count=1"])
+            .args([
+                "--set",
+                "solver={ levels = 1, max_steps = 1, iterations_per_call = 2 }",
+            ])
             .args(["--out", text(&folder.path().join(out))])
             .output()
             .unwrap();

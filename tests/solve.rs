@@ -38,19 +38,22 @@ fn refused(input: &Path, options: &[&str], words: &[&str]) {
 
 #[test]
 fn options_that_do_not_go_together() {
-    let trust_region = ["--solver", "lbfgs", "--trust-region-radius", "10"];
-    refused(&car(), &trust_region, &["--trust-region-radius", "--solver lm"]);
+    let rank = ["--solver", "lm", "--set", "solver.minimiser.rank=5"];
     refused(
         &car(),
-        &["--lbfgs-rank", "5"],
-        &["--lbfgs-rank", "--solver lbfgs"],
+        &rank,
+        &[
+            "--set solver.minimiser.rank=5, --solver: ",
+            "unknown field `rank`",
+            "linear_solver",
+        ],
     );
     refused(
         &car(),
-        &["--photometric-huber", "0"],
+        &["--set", "objective.photometric_huber=0"],
         &["photometric_huber", "more than 0"],
     );
-    refused(&car(), &["--levels", "0"], &["levels", "1 to 8"]);
+    refused(&car(), &["--set", "solver.levels=0"], &["levels", "1 to 8"]);
     refused(&car(), &["--target", "10"], &["target 10", "give 0 to 9"]);
     refused(&car(), &["--frames", "3..3"], &["3..3"]);
     refused(&car(), &["--frames", "0..1"], &["frame"]);
@@ -95,8 +98,79 @@ fn configuration_with_an_unknown_key() {
     refused(
         &car(),
         &["--config", path.to_str().unwrap()],
-        &["run.toml", "silhouete_weight"],
+        &["run.toml", "objective.silhouete_weight", "`silhouette_weight`"],
     );
+}
+
+#[test]
+fn settings_that_cannot_be_used() {
+    for (setting, words) in [
+        (
+            "objective.silhouete_weight=1",
+            ["--set objective.silhouete_weight=1: ", "`silhouette_weight`"],
+        ),
+        (
+            "objective.points=many",
+            ["--set objective.points=many: ", "expected usize"],
+        ),
+        (
+            "objective.points",
+            ["--set objective.points: no `=`", "KEY=VALUE"],
+        ),
+    ] {
+        refused(&car(), &["--set", setting], &words);
+    }
+}
+
+fn printed(options: &[&str]) -> String {
+    let assert = Command::cargo_bin("spba-ceres")
+        .unwrap()
+        .args(["solve", "--print-config"])
+        .args(options)
+        .assert()
+        .success();
+    String::from_utf8(assert.get_output().stdout.clone()).unwrap()
+}
+
+#[test]
+fn the_printed_configuration_is_one_for_config() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.toml");
+    let file = ["--config", path.to_str().unwrap()];
+    for options in [
+        &[][..],
+        &["--solver", "lbfgs", "--target", "0", "--depth", "out/openmvs"],
+        &[
+            "--set",
+            "objective.pairs=star",
+            "--set",
+            "objective.motion_deviation=0",
+        ],
+    ] {
+        let text = printed(options);
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(printed(&file), text);
+    }
+}
+
+#[test]
+fn a_flag_overrides_a_setting_and_that_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.toml");
+    std::fs::write(&path, "[input]\nevery = 2\ntarget = 2\nframes = \"0..2\"\n").unwrap();
+    let text = printed(&[
+        "--config",
+        path.to_str().unwrap(),
+        "--every",
+        "4",
+        "--set",
+        "input.every=3",
+        "--set",
+        "input.target=3",
+    ]);
+    for line in ["every = 4", "target = 3", "frames = \"0..2\""] {
+        assert!(text.lines().any(|found| found == line), "no `{line}` in:\n{text}");
+    }
 }
 
 #[test]
@@ -112,19 +186,15 @@ fn an_output_folder_in_use_is_left_alone() {
 }
 
 /// Two frames, few points, one step: quick, but through the whole house, with either minimiser.
-const QUICK: [&str; 12] = [
+const QUICK: [&str; 8] = [
     "--frames",
     "0..2",
-    "--points",
-    "512",
-    "--hypotheses",
-    "2",
-    "--levels",
-    "1",
-    "--max-steps",
-    "1",
-    "--iterations",
-    "3",
+    "--set",
+    "objective.points=512",
+    "--set",
+    "init.hypotheses.count=2",
+    "--set",
+    "solver={ levels = 1, max_steps = 1, iterations_per_call = 3 }",
 ];
 
 #[test]

@@ -3,10 +3,12 @@
 #[cfg(feature = "vision")]
 use super::input::made_beside;
 use super::input::read;
+#[cfg(feature = "vision")]
+use super::prepare::RawArgs;
 use super::progress;
 use anyhow::Context;
-use clap::ValueEnum;
-use spba_ceres::config::Config;
+use serde::Serialize;
+use spba_ceres::config::{Config, ConfigError, Setting};
 use spba_ceres::init::{self, Initialisation};
 use spba_ceres::objective::Footage;
 #[cfg(feature = "vision")]
@@ -14,9 +16,7 @@ use spba_ceres::prepare::Input;
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
 use spba_ceres::sequence::{Frame, Sequence};
-use spba_ceres::solver::{
-    LinearSolver, Minimiser, ScaleUpdate, Solution, Strategy, Termination, default_lbfgs_rank,
-};
+use spba_ceres::solver::{Solution, SolveError, Termination};
 use spba_ceres::{regressor, solver};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,20 +26,31 @@ use std::time::Instant;
 ///
 /// INPUT is a sequence folder (`sequence.toml`), a COLMAP workspace (`images/`, `sparse/`, `masks/`, perhaps
 /// `stereo/depth_maps/`), or a video or folder of pictures, of which a sequence folder is made first, beside the result; it stays for
-/// the next run. Flags override the configuration file, which overrides the defaults.
+/// the next run. A flag overrides --set, which overrides the configuration file, which overrides the defaults.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Keys: --print-config prints every key of the configuration with its value. --set reaches each of them, \
+    such as --set objective.style_weight=0 --set solver.minimiser.method=lbfgs --set objective.pairs.offsets=[1,2,4]."
+)]
 pub struct Args {
     /// Sequence folder, COLMAP workspace, video or folder of pictures
-    input: PathBuf,
+    #[arg(required_unless_present = "print_config")]
+    input: Option<PathBuf>,
     /// Folder for the result; must not exist
-    #[arg(long, short)]
-    out: PathBuf,
+    #[arg(long, short, required_unless_present = "print_config")]
+    out: Option<PathBuf>,
     /// Shape prior: the name of a bundled one, or a file [default: car]
     #[arg(long)]
     prior: Option<String>,
-    /// TOML file with any of the keys of a result's config.toml
+    /// TOML file with any of the keys that --print-config shows
     #[arg(long)]
     config: Option<PathBuf>,
+    /// Any key of the configuration, dotted, with a value in TOML; a bare word is a string. May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Print the configuration that the other options give, as a file for --config, and end
+    #[arg(long)]
+    print_config: bool,
     /// openMVS folder (scene.mvs, depth*.dmap) that goes with a COLMAP workspace
     #[arg(long)]
     depth: Option<PathBuf>,
@@ -53,43 +64,10 @@ pub struct Args {
     /// one; the paper takes the first]
     #[arg(long, value_name = "N")]
     target: Option<usize>,
-    /// Ceres minimiser [default: lm; the paper uses lbfgs]
-    #[arg(long)]
-    solver: Option<Method>,
-    /// Which variables move together: all (joint), or p0, motion and style in turn as in Algorithm 1
-    /// (alternating) [default: joint; the paper alternates]
-    #[arg(long)]
-    strategy: Option<StrategyArg>,
-    /// How the scale α is found: in every solver call, or between them by Eq. 8 [default: variable; the paper's is
-    /// regression]
-    #[arg(long)]
-    scale_update: Option<ScaleUpdateArg>,
-    #[cfg(feature = "vision")]
-    #[command(flatten)]
-    raw: super::prepare::RawArgs,
-    #[command(flatten)]
-    objective: ObjectiveArgs,
-    /// Pyramid levels [default: 3; the paper mentions none]
-    #[arg(long, value_name = "N")]
-    levels: Option<usize>,
-    /// Steps of Algorithm 1 per pyramid level [default: 20]
-    #[arg(long, value_name = "N")]
-    max_steps: Option<usize>,
-    /// Ceres iterations per call [default: 20]
-    #[arg(long, value_name = "N")]
-    iterations: Option<u32>,
-    /// Stop once the objective is below (δ_L) [default: 0]
-    #[arg(long, value_name = "VALUE")]
-    threshold: Option<f64>,
-    /// Stop when a step lowers the objective by a smaller share [default: 0.0003]
-    #[arg(long, value_name = "SHARE")]
-    tolerance: Option<f64>,
-    /// First trust-region radius (lm only) [default: 1e4]
-    #[arg(long, value_name = "RADIUS")]
-    trust_region_radius: Option<f64>,
-    /// Past steps that L-BFGS remembers (lbfgs only) [default: 20]
-    #[arg(long, value_name = "N")]
-    lbfgs_rank: Option<u32>,
+    /// Standard deviation of the given poses, in diagonals of the object: the motion is held to them as closely as that; 0 = they are
+    /// but a start, as in the paper [default: what the sequence says of itself, 0.005 where `prepare` made it, else 0]
+    #[arg(long, value_name = "LENGTH")]
+    motion_deviation: Option<f64>,
     /// Style to start from: mean, what the bundled regressor or another's .safetensors file sees in the frames, or an earlier result's
     /// folder [default: mean]
     #[arg(long, value_name = "mean|regressor|FILE|RESULT")]
@@ -97,80 +75,41 @@ pub struct Args {
     /// Poses to start from: templates, or an earlier result's folder [default: templates]
     #[arg(long, value_name = "templates|RESULT")]
     init_pose: Option<String>,
-    /// Pose hypotheses that each get a short solve with the default weights [default: 8; the paper keeps the one of best IoU]
-    #[arg(long, value_name = "N")]
-    hypotheses: Option<usize>,
+    /// Ceres minimiser [default: lm; the paper uses lbfgs]
+    #[arg(long, value_parser = ["lm", "lbfgs"])]
+    solver: Option<String>,
+    /// Which variables move together: all (joint), or p0, motion and style in turn as in Algorithm 1
+    /// (alternating) [default: joint; the paper alternates]
+    #[arg(long, value_parser = ["joint", "alternating"])]
+    strategy: Option<String>,
     /// Threads over hypotheses; the result does not depend on it [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-}
-
-#[derive(clap::Args)]
-#[command(next_help_heading = "Objective")]
-struct ObjectiveArgs {
-    /// Weight of the photometric term [default: 1e-4; the paper's is 1]
-    #[arg(long, value_name = "WEIGHT")]
-    photometric_weight: Option<f64>,
-    /// δ1, Huber width of a colour difference in levels of 0 to 255 [default: 20; the paper's is 100]
-    #[arg(long, value_name = "WIDTH")]
-    photometric_huber: Option<f64>,
-    /// λ1, weight of the silhouettes' Chamfer distance, in pixels of a fixed object size (silhouette_size) [default: 1.6; the paper's is 0.1]
-    #[arg(long, value_name = "WEIGHT")]
-    silhouette_weight: Option<f64>,
-    /// Cauchy scale of a silhouette correspondence in such pixels; 0 = none [default: 1; the paper has none]
-    #[arg(long, value_name = "WIDTH")]
-    silhouette_cauchy: Option<f64>,
-    /// Distance of a silhouette correspondence in such pixels that counts as none [default: 1; the paper's is 0]
-    #[arg(long, value_name = "PIXELS")]
-    silhouette_tolerance: Option<f64>,
-    /// λ2, weight of the inverse-depth term [default: 4e4; the paper's is 1000]
-    #[arg(long, value_name = "WEIGHT")]
-    inverse_depth_weight: Option<f64>,
-    /// δ2, Huber width of an inverse-depth difference [default: 0.003; the paper's is 10]
-    #[arg(long, value_name = "WIDTH")]
-    inverse_depth_huber: Option<f64>,
-    /// Weight of -log p(style), which keeps the shape plausible [default: 3; the paper has no such term]
-    #[arg(long, value_name = "WEIGHT")]
-    style_weight: Option<f64>,
-    /// Standard deviation of the given poses, in diagonals of the object: the motion is held to them as closely as that; 0 = they are
-    /// but a start, as in the paper [default: what the sequence says of itself, 0.005 where `prepare` made it, else 0]
-    #[arg(long, value_name = "LENGTH")]
-    motion_deviation: Option<f64>,
-    /// Points of the prior to solve with; 0 = all [default: 8192]
-    #[arg(long, value_name = "N")]
-    points: Option<usize>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Method {
-    Lm,
-    Lbfgs,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum ScaleUpdateArg {
-    Regression,
-    Variable,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum StrategyArg {
-    Alternating,
-    Joint,
+    #[cfg(feature = "vision")]
+    #[command(flatten)]
+    raw: RawArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut config = effective_config(args)?;
-    report::check_out(&args.out)?;
+    // Without --print-config clap demands the two.
+    let (false, Some(input), Some(out)) = (args.print_config, &args.input, &args.out) else {
+        print!("{}", config.to_toml()?);
+        return Ok(());
+    };
+    report::check_out(out)?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(config.threads)
         .build_global()
         .context("threads")?;
 
     let (learned, prior_info) = prior::open(&config.prior)?;
-    let input = prepared(args, &prior_info.category)?;
+    #[cfg(feature = "vision")]
+    let prepared = &prepared(input, out, &args.raw, &prior_info.category)?;
+    #[cfg(not(feature = "vision"))]
+    let prepared = input;
     let began = Instant::now();
-    let mut sequence = read(&input, &config.input.load_options()?)?;
+    let mut sequence = read(prepared, &config.input.load_options()?)?;
     let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
@@ -209,12 +148,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             sequence: &sequence,
             solution: &solution,
             surface: &surface,
-            input: &args.input.display().to_string(),
+            input: &input.display().to_string(),
             prior: &name_of(&prior_info),
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
         },
-        &args.out,
+        out,
     )?;
     summarise(&solution, &written);
     Ok(())
@@ -222,29 +161,22 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
 #[cfg(feature = "vision")]
-fn prepared(args: &Args, category: &str) -> anyhow::Result<PathBuf> {
-    if spba_ceres::sequence::recognises(&args.input)
-        || args.input.is_dir() && Input::find(&args.input).is_err()
-    {
-        if let Some(flag) = args.raw.given() {
+fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::Result<PathBuf> {
+    if spba_ceres::sequence::recognises(input) || input.is_dir() && Input::find(input).is_err() {
+        if let Some(flag) = raw.given() {
             anyhow::bail!("{flag}: only for a video or a folder of pictures; leave it out");
         }
-        return Ok(args.input.clone());
+        return Ok(input.to_owned());
     }
-    let folder = made_beside(&args.out, &args.input);
+    let folder = made_beside(out, input);
     super::prepare::prepare(
-        &args.input,
-        &args.raw,
+        input,
+        raw,
         Some(category),
         &folder,
         super::prepare::IfMade::Replace,
     )?;
     Ok(folder)
-}
-
-#[cfg(not(feature = "vision"))]
-fn prepared(args: &Args, _category: &str) -> anyhow::Result<PathBuf> {
-    Ok(args.input.clone())
 }
 
 /// As results name a prior.
@@ -318,110 +250,47 @@ fn starts(
     )?])
 }
 
-/// Flag over file over default.
+/// Flag over --set over file over default.
 fn effective_config(args: &Args) -> anyhow::Result<Config> {
-    let mut config = args
-        .config
-        .as_deref()
-        .map(Config::load)
-        .transpose()?
-        .unwrap_or_default();
-    fn set<T: Clone>(target: &mut T, flag: &Option<T>) {
-        if let Some(value) = flag {
-            *target = value.clone();
-        }
+    let mut settings = Vec::new();
+    for text in &args.set {
+        settings.push(text.parse()?);
     }
-    set(&mut config.prior, &args.prior);
-    set(&mut config.threads, &args.threads);
-    if args.depth.is_some() {
-        config.input.depth.clone_from(&args.depth);
-    }
-    set(&mut config.input.frames, &args.frames);
-    set(&mut config.input.every, &args.every);
-    if args.target.is_some() {
-        config.input.target = args.target;
-    }
-    set(&mut config.start.style, &args.init_style);
-    set(&mut config.start.pose, &args.init_pose);
-    set(&mut config.init.hypotheses.count, &args.hypotheses);
-    let objective = &mut config.objective;
-    set(
-        &mut objective.photometric_weight,
-        &args.objective.photometric_weight,
-    );
-    set(
-        &mut objective.photometric_huber,
-        &args.objective.photometric_huber,
-    );
-    set(
-        &mut objective.silhouette_weight,
-        &args.objective.silhouette_weight,
-    );
-    set(
-        &mut objective.silhouette_cauchy,
-        &args.objective.silhouette_cauchy,
-    );
-    set(
-        &mut objective.silhouette_tolerance,
-        &args.objective.silhouette_tolerance,
-    );
-    set(
-        &mut objective.inverse_depth_weight,
-        &args.objective.inverse_depth_weight,
-    );
-    set(
-        &mut objective.inverse_depth_huber,
-        &args.objective.inverse_depth_huber,
-    );
-    set(&mut objective.style_weight, &args.objective.style_weight);
-    objective.motion_deviation = args.objective.motion_deviation.or(objective.motion_deviation);
-    set(&mut objective.points, &args.objective.points);
-    let solver = &mut config.solver;
-    set(&mut solver.levels, &args.levels);
-    set(&mut solver.max_steps, &args.max_steps);
-    set(&mut solver.iterations_per_call, &args.iterations);
-    set(&mut solver.threshold, &args.threshold);
-    set(&mut solver.tolerance, &args.tolerance);
-    match args.scale_update {
-        Some(ScaleUpdateArg::Regression) => solver.scale_update = ScaleUpdate::Regression,
-        Some(ScaleUpdateArg::Variable) => solver.scale_update = ScaleUpdate::Variable,
-        None => {}
-    }
-    match args.strategy {
-        Some(StrategyArg::Alternating) => solver.strategy = Strategy::Alternating,
-        Some(StrategyArg::Joint) => solver.strategy = Strategy::Joint,
-        None => {}
-    }
-    match args.solver {
-        Some(Method::Lm) if !matches!(solver.minimiser, Minimiser::Lm { .. }) => {
-            solver.minimiser = Minimiser::lm(LinearSolver::Auto);
-        }
-        Some(Method::Lbfgs) if !matches!(solver.minimiser, Minimiser::Lbfgs { .. }) => {
-            solver.minimiser = Minimiser::lbfgs(default_lbfgs_rank());
-        }
-        _ => {}
-    }
-    match (&mut solver.minimiser, args.trust_region_radius, args.lbfgs_rank) {
-        (Minimiser::Lm { .. }, _, Some(_)) => {
-            anyhow::bail!("--lbfgs-rank: Levenberg-Marquardt keeps no history; add --solver lbfgs or drop it")
-        }
-        (Minimiser::Lbfgs { .. }, Some(_), _) => {
-            anyhow::bail!("--trust-region-radius: L-BFGS has no trust region; add --solver lm or drop it")
-        }
-        (
-            Minimiser::Lm {
-                initial_trust_region_radius,
-                ..
-            },
-            Some(radius),
-            None,
-        ) => {
-            *initial_trust_region_radius = radius;
-        }
-        (Minimiser::Lbfgs { rank, .. }, None, Some(wanted)) => *rank = wanted,
-        _ => {}
-    }
+    let given = &mut settings;
+    add_flag(given, "--prior", "prior", &args.prior)?;
+    add_flag(given, "--depth", "input.depth", &args.depth)?;
+    add_flag(given, "--frames", "input.frames", &args.frames)?;
+    add_flag(given, "--every", "input.every", &args.every)?;
+    add_flag(given, "--target", "input.target", &args.target)?;
+    add_flag(
+        given,
+        "--motion-deviation",
+        "objective.motion_deviation",
+        &args.motion_deviation,
+    )?;
+    add_flag(given, "--init-style", "start.style", &args.init_style)?;
+    add_flag(given, "--init-pose", "start.pose", &args.init_pose)?;
+    add_flag(given, "--solver", "solver.minimiser.method", &args.solver)?;
+    add_flag(given, "--strategy", "solver.strategy", &args.strategy)?;
+    add_flag(given, "--threads", "threads", &args.threads)?;
+    let config = Config::layered(args.config.as_deref(), &settings)?;
+    // The library looks too, but a video takes minutes to get there.
+    let out_of_range = |(key, why)| SolveError::Option(key, why);
+    config.objective.check().map_err(out_of_range)?;
+    config.solver.check().map_err(out_of_range)?;
     Ok(config)
+}
+
+fn add_flag(
+    settings: &mut Vec<Setting>,
+    flag: &str,
+    key: &str,
+    value: &Option<impl Serialize>,
+) -> Result<(), ConfigError> {
+    if let Some(value) = value {
+        settings.push(Setting::of_flag(flag, key, value)?);
+    }
+    Ok(())
 }
 
 fn summarise(solution: &Solution, written: &report::Written) {

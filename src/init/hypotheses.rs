@@ -15,7 +15,7 @@ use rayon::prelude::*;
 #[serde(default, deny_unknown_fields)]
 pub struct HypothesisOptions {
     pub grid: TemplateGrid,
-    /// K: hypotheses kept.
+    /// K: hypotheses kept, of which each gets a short solve with the default weights. The paper keeps the one of best IoU.
     pub count: usize,
     /// Two hypotheses differ by at least this rotation, degrees.
     pub distinct_deg: f64,

@@ -12,14 +12,14 @@ pub struct ObjectiveOptions {
     /// no more than with so many; 0 means no limit, as in the paper. More frames on the same arc tell little that is new, since
     /// what is left of colour differences is light and shape that they share; without a limit, a long video has colours drown all else.
     pub photometric_frames: usize,
-    /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255].
+    /// δ1: Huber width of a pixel's colour difference, in levels of [0, 255]. The paper's is 100.
     pub photometric_huber: f64,
     /// Which frames Eq. 4 compares with which.
     pub pairs: Pairs,
     /// Leave a point out of Eq. 4 where the other frame does not see it; the paper keeps it, and compares
     /// what hides it.
     pub covisible: bool,
-    /// λ1: weight of the silhouettes' Chamfer distance L_cd, of squares in the pixels of `silhouette_size`.
+    /// λ1: weight of the silhouettes' Chamfer distance L_cd, of squares in the pixels of `silhouette_size`. The paper's is 0.1.
     pub silhouette_weight: f64,
     /// Cauchy scale of a silhouette correspondence, in pixels of `silhouette_size`: masks leak, and a leak must not pull for ever. 0
     /// means none, as in the paper.
@@ -31,7 +31,7 @@ pub struct ObjectiveOptions {
     /// 0 means pixels as they are, as in the paper. Otherwise the same video at another resolution, or a larger object
     /// in it, is another objective. The default is the size in the bundled sequence, with which weights were chosen.
     pub silhouette_size: f64,
-    /// λ2: weight of the inverse-depth term L_invd.
+    /// λ2: weight of the inverse-depth term L_invd. The paper's is 1000.
     pub inverse_depth_weight: f64,
     /// δ2: Huber width of an inverse-depth difference, 1 / object diagonal. The paper's 10 is never reached by an
     /// object at more than a tenth of its diagonal, and lets the outliers of semi-dense depth pull freely.

@@ -54,7 +54,7 @@ impl Minimiser {
 pub enum Minimiser {
     /// Levenberg–Marquardt.
     Lm {
-        /// Of the first step; Ceres's default is 1e4.
+        /// Trust-region radius of the first step. Ceres's default is 1e4.
         #[serde(default = "default_trust_region_radius")]
         initial_trust_region_radius: f64,
         #[serde(default)]
@@ -113,21 +113,23 @@ pub enum MotionStart {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverOptions {
+    /// The paper's is L-BFGS.
     pub minimiser: Minimiser,
     pub evaluation: Evaluation,
+    /// The paper's is `alternating`.
     pub strategy: Strategy,
     pub motion_start: MotionStart,
-    /// How α is renewed after every step; the paper's Eq. 8 is `regression`.
+    /// How α is found: in every solver call (`variable`), or between calls by the paper's Eq. 8 (`regression`).
     pub scale_update: ScaleUpdate,
     /// Steps of Algorithm 1 per pyramid level; visibility is renewed before each.
     pub max_steps: usize,
     /// Ceres iterations per call.
     pub iterations_per_call: u32,
-    /// δ_L: stop once the objective is below.
+    /// δ_L: the solve stops once the objective is below.
     pub threshold: f64,
     /// A step that lowers the objective by less than this share of it is no progress.
     pub tolerance: f64,
-    /// Pyramid levels, each half the size of the one before; 1 is no pyramid.
+    /// Pyramid levels, each half the size of the one before. 1 is no pyramid; the paper mentions none.
     pub levels: usize,
     /// Threads of one solve; no byte of the result depends on them.
     #[serde(skip, default = "one")]
