@@ -9,6 +9,7 @@ use std::process::Command;
 
 /// AddressSanitizer, which finds leaks too, and UndefinedBehaviorSanitizer; numbers too large for an integer.
 const MEMORY: &str = "address,undefined,float-cast-overflow";
+const RACES: &str = "thread";
 
 /// Of `cpp/tests/<name>.cc`; what is up to date is not compiled again.
 fn compile_and_run(name: &str, sanitizers: &str) {
@@ -63,4 +64,9 @@ fn a_consumer_links_the_headers_alone() {
 #[test]
 fn the_accumulated_evaluation_is_that_of_the_blocks() {
     compile_and_run("evaluation", MEMORY);
+}
+
+#[test]
+fn threads_do_not_race_and_change_no_bytes() {
+    compile_and_run("threads", RACES);
 }
