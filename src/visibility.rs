@@ -9,7 +9,7 @@
 
 mod surfels;
 
-pub use surfels::Surfels;
+pub use surfels::{Neighbourhoods, Surfels};
 
 use crate::geometry::{Pinhole, Pose, Vector3};
 
@@ -32,6 +32,8 @@ pub struct Visibility {
     /// Per point of X: whether nothing hides it. All of `points` are, and with surfels also those that share a
     /// pixel with one of them and lie no more than a sample spacing behind it.
     pub unoccluded: Vec<bool>,
+    /// Per point of X: the pixel that it falls into, counted row by row; `None` outside the image.
+    pub cells: Vec<Option<u32>>,
 }
 
 /// The points (xyz after xyz, object frame) that the camera sees in an image of `size` (width, height).
@@ -46,28 +48,21 @@ pub fn visible_points(
     size: (usize, usize),
     surfels: Option<&Surfels>,
 ) -> Visibility {
-    let (width, height) = size;
     let in_camera: Vec<Vector3<f64>> = points
         .chunks_exact(3)
         .map(|x| camera_from_object.transform(&Vector3::new(x[0], x[1], x[2])))
         .collect();
-    let pixels: Vec<Option<(usize, usize)>> = in_camera
+    let cells: Vec<Option<u32>> = in_camera
         .iter()
-        .map(|point| camera.project(point).and_then(|u| pixel(u.x, u.y, size)))
+        .map(|point| camera.project(point).and_then(|u| cell(u.x, u.y, size)))
         .collect();
-    let mut nearest: Vec<Option<VisiblePoint>> = vec![None; width * height];
-    for (index, (point, pixel)) in in_camera.iter().zip(&pixels).enumerate() {
-        let &Some((column, row)) = pixel else {
-            continue;
-        };
-        let inverse_depth = 1.0 / point.z;
-        let cell = &mut nearest[row * width + column];
-        if cell.is_none_or(|held| inverse_depth > held.inverse_depth) {
-            *cell = Some(VisiblePoint {
-                pixel: (column as u32, row as u32),
-                point: index as u32,
-                inverse_depth,
-            });
+    let inverse_depths: Vec<f64> = in_camera.iter().map(|point| 1.0 / point.z).collect();
+    let mut nearest = vec![NO_POINT; size.0 * size.1];
+    for (index, cell) in (0u32..).zip(&cells) {
+        let &Some(cell) = cell else { continue };
+        let held = &mut nearest[cell as usize];
+        if *held == NO_POINT || inverse_depths[index as usize] > inverse_depths[*held as usize] {
+            *held = index;
         }
     }
     if let Some(surfels) = surfels {
@@ -82,21 +77,38 @@ pub fn visible_points(
     let tolerance = surfels.map_or(0.0, Surfels::spacing);
     let unoccluded = in_camera
         .iter()
-        .zip(&pixels)
-        .map(|(point, pixel)| {
-            pixel
-                .and_then(|(column, row)| nearest[row * width + column])
-                .is_some_and(|seen| point.z <= 1.0 / seen.inverse_depth + tolerance)
+        .zip(&cells)
+        .map(|(point, cell)| {
+            cell.map(|cell| nearest[cell as usize])
+                .filter(|&seen| seen != NO_POINT)
+                .is_some_and(|seen| point.z <= 1.0 / inverse_depths[seen as usize] + tolerance)
         })
         .collect();
+    let rows = (0u32..).zip(nearest.chunks_exact(size.0.max(1)));
+    let visible = rows.flat_map(|(row, cells)| {
+        let seen = (0u32..).zip(cells).filter(|&(_, &point)| point != NO_POINT);
+        seen.map(move |(column, &point)| (column, row, point))
+    });
     Visibility {
-        points: nearest.into_iter().flatten().collect(),
+        points: visible
+            .map(|(column, row, point)| VisiblePoint {
+                pixel: (column, row),
+                point,
+                inverse_depth: inverse_depths[point as usize],
+            })
+            .collect(),
         unoccluded,
+        cells,
     }
 }
 
-fn pixel(u: f64, v: f64, (width, height): (usize, usize)) -> Option<(usize, usize)> {
-    (u >= 0.0 && v >= 0.0 && u < width as f64 && v < height as f64).then_some((u as usize, v as usize))
+/// Stands in a pixel that sees no point.
+const NO_POINT: u32 = u32::MAX;
+
+/// The pixel of the image point (`u`, `v`), counted row by row; `None` outside the image.
+fn cell(u: f64, v: f64, (width, height): (usize, usize)) -> Option<u32> {
+    (u >= 0.0 && v >= 0.0 && u < width as f64 && v < height as f64)
+        .then_some((v as usize * width + u as usize) as u32)
 }
 
 #[cfg(test)]
@@ -238,6 +250,52 @@ mod tests {
                 near(&seen.points) as f64 >= 0.95 * near(&through.points) as f64,
                 "{count} points"
             );
+        }
+    }
+
+    /// A stretched shape has the same discs by its own neighbours and by those that its points had before.
+    #[test]
+    fn neighbours_stay_when_the_shape_changes() {
+        let points = sphere(3000);
+        let stretched: Vec<f64> = points
+            .chunks_exact(3)
+            .flat_map(|x| [x[0], 1.1 * x[1], x[2]])
+            .collect();
+        let own = Surfels::new(&stretched);
+        let kept = Surfels::among(&Neighbourhoods::of(&points), &stretched);
+        assert!((own.spacing() / kept.spacing() - 1.0).abs() < 0.01);
+        let seen = |surfels: &Surfels| visible_points(&stretched, &CAMERA, &pose(), SIZE, Some(surfels));
+        let (own, kept) = (seen(&own), seen(&kept));
+        let differing = own
+            .unoccluded
+            .iter()
+            .zip(&kept.unoccluded)
+            .filter(|(a, b)| a != b);
+        assert!(differing.count() < 30, "of 3000");
+    }
+
+    #[test]
+    fn few_or_coinciding_points_have_discs_too() {
+        for points in [vec![], vec![0.0, 0.0, 1.0], [0.1, 0.2, 1.0].repeat(20)] {
+            let surfels = Surfels::new(&points);
+            let seen = visible_points(&points, &CAMERA, &Pose::identity(), SIZE, Some(&surfels));
+            assert_eq!(seen.points.len(), points.len().min(1));
+            assert_eq!(surfels.spacing(), 0.0);
+        }
+    }
+
+    /// What discs hide, looked for disc by disc and pixel by pixel, without the shortcuts.
+    #[test]
+    fn shortcuts_hide_what_all_discs_hide() {
+        for count in [500, 2000, 8000] {
+            let points = sphere(count);
+            let surfels = Surfels::new(&points);
+            let through = visible_points(&points, &CAMERA, &pose(), SIZE, None);
+            let seen = visible_points(&points, &CAMERA, &pose(), SIZE, Some(&surfels));
+            let hidden = surfels.hidden_literally(&points, &CAMERA, &pose(), &through.points);
+            let kept = through.points.iter().zip(hidden).filter(|(_, hidden)| !hidden);
+            let kept: Vec<VisiblePoint> = kept.map(|(point, _)| *point).collect();
+            assert_eq!(seen.points, kept, "{count} points");
         }
     }
 

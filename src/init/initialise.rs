@@ -3,14 +3,13 @@
 use super::Estimate;
 use super::cameras_from_input;
 use super::hypotheses::{HypothesisOptions, PoseHypothesis, search};
-use super::placement::{Reconstruction, Scene, TargetDepth};
+use super::placement::{Reconstruction, Scene, Shape, TargetDepth};
 use super::silhouette::Observation;
 use super::templates::Template;
-use crate::geometry::{Pose, Vector3};
+use crate::geometry::Pose;
 use crate::image::{DepthMap, halve_depth, halve_mask};
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
-use crate::visibility::Surfels;
 use rayon::prelude::*;
 
 /// Depth is compared at a resolution of at most this many columns: α needs no more.
@@ -90,7 +89,6 @@ pub fn initialise(
 
     let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];
     prior.points(style, &mut points);
-    let surfels = Surfels::new(&points);
     let input_poses = input_poses(&sequence.frames, target);
     let reconstruction = input_poses.as_ref().map(|poses| {
         let chosen = chosen(sequence.frames.len(), target, options.frames);
@@ -101,17 +99,16 @@ pub fn initialise(
                 .skip(1)
                 .map(|&frame| observations[frame].clone())
                 .collect(),
-            depth: target_depth(&sequence.frames[target], &points, &surfels),
+            depth: target_depth(&sequence.frames[target]),
         }
     });
     let scene = Scene {
-        points: points.chunks_exact(3).map(Vector3::from_column_slice).collect(),
-        spacing: surfels.spacing(),
         target: observations[target].clone(),
         reconstruction,
     };
 
-    let candidates = search(&scene, &options.hypotheses);
+    let shape = Shape::new(&points);
+    let candidates = search(&scene, &shape, &options.hypotheses);
     if candidates.is_empty() {
         return Err(InitError::NothingFits {
             frame: target,
@@ -123,7 +120,13 @@ pub fn initialise(
         let alpha = candidate.placement.alpha.unwrap_or(1.0);
         let camera_from_object = match &input_poses {
             Some(poses) => cameras_from_input(&hypothesis.target_from_object, target, poses, alpha),
-            None => cameras_from_masks(&scene, &observations, &hypothesis.target_from_object, target),
+            None => cameras_from_masks(
+                &scene,
+                &shape,
+                &observations,
+                &hypothesis.target_from_object,
+                target,
+            ),
         };
         Initialisation {
             estimate: Estimate {
@@ -158,12 +161,11 @@ pub fn initialise_at(
     }
     let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];
     prior.points(style, &mut points);
-    let spacing = Surfels::new(&points).spacing();
-    let points: Vec<Vector3<f64>> = points.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    let shape = Shape::new(&points);
     let ious: Vec<f64> = observe(sequence)?
         .iter()
         .zip(camera_from_object)
-        .map(|(frame, pose)| frame.render(&points, spacing, pose).iou(&frame.mask))
+        .map(|(frame, pose)| shape.render(frame, pose).iou(&frame.mask))
         .collect();
     let target_from_object = camera_from_object[target];
     Ok(Initialisation {
@@ -287,7 +289,7 @@ fn spread(total: usize, count: usize) -> Vec<usize> {
 }
 
 /// The target's depth within its mask, reduced; `None` where nothing is known.
-fn target_depth(frame: &Frame, points: &[f64], surfels: &Surfels) -> Option<TargetDepth> {
+fn target_depth(frame: &Frame) -> Option<TargetDepth> {
     let given = frame.depth.as_ref()?;
     let mut mask = frame.mask.clone();
     let within = given.data().iter().zip(mask.data());
@@ -298,18 +300,17 @@ fn target_depth(frame: &Frame, points: &[f64], surfels: &Surfels) -> Option<Targ
         (depth, mask) = (halve_depth(&depth), halve_mask(&mask));
         camera = camera.scaled(0.5, 0.5);
     }
-    depth.data().iter().any(|&z| z > 0.0).then(|| TargetDepth {
-        depth,
-        mask,
-        camera,
-        points: points.to_vec(),
-        surfels: surfels.clone(),
-    })
+    depth
+        .data()
+        .iter()
+        .any(|&z| z > 0.0)
+        .then_some(TargetDepth { depth, mask, camera })
 }
 
 /// Without off-the-shelf poses: the target's rotation everywhere, each frame placed by its own mask.
 fn cameras_from_masks(
     scene: &Scene,
+    shape: &Shape,
     observations: &[Observation],
     target_from_object: &Pose,
     target: usize,
@@ -319,7 +320,7 @@ fn cameras_from_masks(
             return *target_from_object;
         }
         let translation = scene
-            .place_in(frame, &target_from_object.rotation)
+            .place_in(shape, frame, &target_from_object.rotation)
             .unwrap_or(target_from_object.translation);
         Pose {
             translation,
@@ -332,7 +333,7 @@ fn cameras_from_masks(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Rotation3;
+    use crate::geometry::{Rotation3, Vector3};
     use crate::init::testing::{BoxCar, sequence};
 
     /// A car on a turntable before a fixed camera, its front almost towards it at first.

@@ -1,5 +1,6 @@
 //! The start of the optimisation (Sec. 2.4): style, pose hypotheses from silhouettes, scale and motion.
 
+mod cloud;
 mod hypotheses;
 mod initialise;
 mod motion;

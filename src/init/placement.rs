@@ -2,9 +2,10 @@
 //! agree with the masks in place and size.
 
 use super::cameras_from_input;
+use super::cloud::Cloud;
 use super::scale::scale_from_inverse_depth;
-use super::silhouette::Observation;
-use crate::geometry::{Matrix4, Pinhole, Pose, Rotation3, Vector2, Vector3, Vector4};
+use super::silhouette::{Observation, Silhouette};
+use crate::geometry::{Matrix3, Matrix4, Pinhole, Pose, Rotation3, Vector2, Vector3, Vector4};
 use crate::image::{DepthMap, Mask};
 use crate::visibility::{Surfels, visible_points};
 
@@ -19,12 +20,46 @@ const JOINT_ROUNDS: usize = 4;
 /// only where the motion is too small for them to say anything.
 const ALPHA_HOLD: f64 = 0.02;
 
-/// The prior's mean shape and what the frames show of it.
+/// What templates are rendered of.
+pub(super) struct Shape {
+    /// Object frame, as visibility wants them: xyz after xyz.
+    points: Vec<f64>,
+    /// The same points.
+    cloud: Cloud,
+    surfels: Surfels,
+}
+
+impl Shape {
+    /// Of points sampled evenly from a surface (xyz after xyz, object frame).
+    pub fn new(points: &[f64]) -> Self {
+        Self {
+            points: points.to_vec(),
+            cloud: points.chunks_exact(3).map(Vector3::from_column_slice).collect(),
+            surfels: Surfels::new(points),
+        }
+    }
+
+    /// Of the first points alone, a share of all.
+    pub fn first(&self, share: f64) -> Self {
+        let count = (share * (self.points.len() / 3) as f64).ceil() as usize;
+        Self::new(&self.points[..3 * count])
+    }
+
+    /// Lowest and highest corner of its image's bounding box, pixels; `None` where it is behind the camera.
+    fn bounds(&self, camera: &Pinhole, camera_from_object: &Pose) -> Option<(Vector2<f64>, Vector2<f64>)> {
+        let Pinhole { fx, fy, cx, cy } = *camera;
+        let matrix = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
+        self.cloud.bounds(&matrix, camera_from_object)
+    }
+
+    /// The shape's silhouette in `frame`.
+    pub fn render(&self, frame: &Observation, camera_from_object: &Pose) -> Silhouette {
+        frame.render(&self.cloud, self.surfels.spacing(), camera_from_object)
+    }
+}
+
+/// What the frames show.
 pub(super) struct Scene {
-    /// Object frame.
-    pub points: Vec<Vector3<f64>>,
-    /// Median distance between neighbouring points.
-    pub spacing: f64,
     pub target: Observation,
     pub reconstruction: Option<Reconstruction>,
 }
@@ -43,9 +78,6 @@ pub(super) struct TargetDepth {
     pub depth: DepthMap,
     pub mask: Mask,
     pub camera: Pinhole,
-    /// The scene's points again, as visibility wants them.
-    pub points: Vec<f64>,
-    pub surfels: Surfels,
 }
 
 /// A placed template.
@@ -60,54 +92,68 @@ pub(super) struct Placement {
     pub mean_iou: f64,
 }
 
+/// A placed template and its silhouettes in all chosen frames, the target first.
+pub(super) struct Shown {
+    pub placement: Placement,
+    silhouettes: Vec<Silhouette>,
+}
+
 impl Scene {
-    /// `None` where the template cannot be brought onto the mask.
-    pub fn place(&self, rotation: &Rotation3<f64>) -> Option<Placement> {
-        let translation = self.place_in(&self.target, rotation)?;
+    /// The template where the target's mask alone and the depth there put it. `None` where the template cannot be
+    /// brought onto the mask.
+    pub fn place_by_target(&self, shape: &Shape, rotation: &Rotation3<f64>) -> Option<Shown> {
+        let translation = self.place_in(shape, &self.target, rotation)?;
         let alone = Pose {
             rotation: *rotation,
             translation,
         };
-        let Some(reconstruction) = &self.reconstruction else {
-            return Some(self.score(alone, None));
-        };
-        let alpha = reconstruction
-            .scale(&alone)
-            .or_else(|| self.scale_from_centroids(&alone))
-            .unwrap_or(1.0);
-        let mut best = self.score(alone, Some(alpha));
-        let mut current = (alone, alpha);
+        let alpha = self.reconstruction.as_ref().map(|reconstruction| {
+            let scale = reconstruction.scale(shape, &alone);
+            scale.or_else(|| self.scale_from_centroids(&alone)).unwrap_or(1.0)
+        });
+        Some(self.show(shape, alone, alpha))
+    }
+
+    /// The best of a few rounds that bring all frames' silhouettes onto their masks together; `start` where none is
+    /// better.
+    pub fn place_by_all(&self, shape: &Shape, start: Shown) -> Placement {
+        let mut best = start.placement;
+        let mut current = start;
         for _ in 0..JOINT_ROUNDS {
-            let Some(next) = self.fit_all_frames(current) else {
+            let Some((target_from_object, alpha)) = self.fit_all_frames(&current) else {
                 break;
             };
-            current = next;
-            let placement = self.score(current.0, Some(current.1));
-            if placement.mean_iou > best.mean_iou {
-                best = placement;
+            current = self.show(shape, target_from_object, Some(alpha));
+            if current.placement.mean_iou > best.mean_iou {
+                best = current.placement;
             }
         }
-        Some(best)
+        best
     }
 
     /// The translation at which the silhouette has the mask's area and centroid in one frame.
-    pub fn place_in(&self, frame: &Observation, rotation: &Rotation3<f64>) -> Option<Vector3<f64>> {
+    pub fn place_in(
+        &self,
+        shape: &Shape,
+        frame: &Observation,
+        rotation: &Rotation3<f64>,
+    ) -> Option<Vector3<f64>> {
+        let pose = |translation| Pose {
+            rotation: *rotation,
+            translation,
+        };
         let (low, high) = frame.bounds_px;
         let camera = &frame.camera;
         let mut translation = camera.unproject(&((low + high) / 2.0), 2.0);
         for _ in 0..BOX_ROUNDS {
-            let (model_low, model_high) = self.projected_bounds(camera, rotation, &translation)?;
+            let (model_low, model_high) = shape.bounds(camera, &pose(translation))?;
             let ratio = (model_high - model_low).norm() / (high - low).norm();
             let shift = (low + high - model_low - model_high) / 2.0;
             translation = moved(camera, &translation, &shift, ratio);
         }
         let goal = frame.centroid_px(&frame.mask)?;
         for _ in 0..AREA_ROUNDS {
-            let pose = Pose {
-                rotation: *rotation,
-                translation,
-            };
-            let rendered = frame.render(&self.points, self.spacing, &pose);
+            let rendered = shape.render(frame, &pose(translation));
             let shift = goal - frame.centroid_px(&rendered)?;
             let ratio = (f64::from(rendered.area()) / f64::from(frame.mask.area())).sqrt();
             translation = moved(camera, &translation, &shift, ratio);
@@ -115,40 +161,26 @@ impl Scene {
         translation.iter().all(|x| x.is_finite()).then_some(translation)
     }
 
-    fn projected_bounds(
-        &self,
-        camera: &Pinhole,
-        rotation: &Rotation3<f64>,
-        translation: &Vector3<f64>,
-    ) -> Option<(Vector2<f64>, Vector2<f64>)> {
-        let mut pixels = self
-            .points
-            .iter()
-            .filter_map(|point| camera.project(&(rotation * point + translation)));
-        let first = pixels.next()?;
-        Some(pixels.fold((first, first), |(low, high), u| (low.inf(&u), high.sup(&u))))
-    }
-
-    fn score(&self, target_from_object: Pose, alpha: Option<f64>) -> Placement {
-        let iou = |frame: &Observation, pose: &Pose| {
-            frame.render(&self.points, self.spacing, pose).iou(&frame.mask)
-        };
-        let target_iou = iou(&self.target, &target_from_object);
-        let mean_iou = match (&self.reconstruction, alpha) {
+    /// The placement's silhouettes, and how they agree with the masks.
+    fn show(&self, shape: &Shape, target_from_object: Pose, alpha: Option<f64>) -> Shown {
+        let poses = match (&self.reconstruction, alpha) {
             (Some(reconstruction), Some(alpha)) => {
-                let poses =
-                    cameras_from_input(&target_from_object, 0, &reconstruction.camera_from_input, alpha);
-                let sources = poses[1..].iter().zip(&reconstruction.sources);
-                let sum: f64 = sources.map(|(pose, frame)| iou(frame, pose)).sum();
-                (target_iou + sum) / (reconstruction.sources.len() + 1) as f64
+                cameras_from_input(&target_from_object, 0, &reconstruction.camera_from_input, alpha)
             }
-            _ => target_iou,
+            _ => vec![target_from_object],
         };
-        Placement {
-            target_from_object,
-            alpha,
-            target_iou,
-            mean_iou,
+        let frames = self.frames().zip(&poses);
+        let silhouettes: Vec<Silhouette> = frames.map(|(frame, pose)| shape.render(frame, pose)).collect();
+        let ious = self.frames().zip(&silhouettes);
+        let ious: Vec<f64> = ious.map(|(frame, rendered)| rendered.iou(&frame.mask)).collect();
+        Shown {
+            placement: Placement {
+                target_from_object,
+                alpha,
+                target_iou: ious[0],
+                mean_iou: ious.iter().sum::<f64>() / ious.len() as f64,
+            },
+            silhouettes,
         }
     }
 
@@ -164,13 +196,14 @@ impl Scene {
 
     /// One step towards the (t0, α) at which every frame's silhouette has its mask's centroid, and the areas agree
     /// in the mean.
-    fn fit_all_frames(&self, (target_from_object, alpha): (Pose, f64)) -> Option<(Pose, f64)> {
+    fn fit_all_frames(&self, shown: &Shown) -> Option<(Pose, f64)> {
         let reconstruction = self.reconstruction.as_ref()?;
+        let target_from_object = shown.placement.target_from_object;
+        let alpha = shown.placement.alpha?;
         let poses = cameras_from_input(&target_from_object, 0, &reconstruction.camera_from_input, alpha);
         let (mut goals, mut log_ratio) = (Vec::with_capacity(poses.len()), 0.0);
-        for (frame, pose) in self.frames().zip(&poses) {
-            let rendered = frame.render(&self.points, self.spacing, pose);
-            let shift = frame.centroid_px(&frame.mask)? - frame.centroid_px(&rendered)?;
+        for ((frame, pose), rendered) in self.frames().zip(&poses).zip(&shown.silhouettes) {
+            let shift = frame.centroid_px(&frame.mask)? - frame.centroid_px(rendered)?;
             goals.push(frame.camera.project(&pose.translation)? + shift);
             log_ratio += (f64::from(rendered.area()) / f64::from(frame.mask.area())).ln() / 2.0;
         }
@@ -242,15 +275,15 @@ impl Scene {
 
 impl Reconstruction {
     /// Eq. 11.
-    fn scale(&self, target_from_object: &Pose) -> Option<f64> {
-        let TargetDepth {
-            depth,
-            mask,
+    fn scale(&self, shape: &Shape, target_from_object: &Pose) -> Option<f64> {
+        let TargetDepth { depth, mask, camera } = self.depth.as_ref()?;
+        let seen = visible_points(
+            &shape.points,
             camera,
-            points,
-            surfels,
-        } = self.depth.as_ref()?;
-        let seen = visible_points(points, camera, target_from_object, mask.size(), Some(surfels));
+            target_from_object,
+            mask.size(),
+            Some(&shape.surfels),
+        );
         scale_from_inverse_depth(&seen, mask, depth).filter(|&alpha| alpha > 0.0)
     }
 }

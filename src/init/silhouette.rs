@@ -2,7 +2,8 @@
 //!
 //! One row is one machine word, so that dilation, erosion and IoU are a few shifts and bit counts.
 
-use crate::geometry::{Pinhole, Pose, Vector2, Vector3};
+use super::cloud::Cloud;
+use crate::geometry::{Matrix3, Pinhole, Pose, Vector2};
 use crate::image::Mask;
 
 const SIDE: usize = 128;
@@ -62,21 +63,28 @@ impl Observation {
 
     /// The silhouette of a surface sampled at `points` (object frame) every `spacing`: splats, then a closing as
     /// wide as the sampling needs, which fills the gaps without moving the outline.
-    pub fn render(&self, points: &[Vector3<f64>], spacing: f64, camera_from_object: &Pose) -> Silhouette {
-        let mut rows = [0u128; SIDE];
-        for point in points {
-            let Some(pixel) = self.camera.project(&camera_from_object.transform(point)) else {
-                continue;
-            };
-            let cell = (pixel - self.corner) / self.cell_px;
-            if cell.x >= 0.0 && cell.y >= 0.0 && cell.x < SIDE as f64 && cell.y < SIDE as f64 {
-                rows[cell.y as usize] |= 1 << cell.x as u32;
+    pub fn render(&self, points: &Cloud, spacing: f64, camera_from_object: &Pose) -> Silhouette {
+        // One word more than the window has takes what lies outside.
+        let mut words = [0u64; 2 * SIDE + 1];
+        points.project(&self.cells_from_camera(), camera_from_object, |columns, rows| {
+            for (&column, &row) in columns.iter().zip(rows) {
+                let place = place(column, row);
+                words[place / 64] |= 1 << (place % 64);
             }
-        }
+        });
+        let rows =
+            std::array::from_fn(|row| u128::from(words[2 * row]) | u128::from(words[2 * row + 1]) << 64);
         let depth = camera_from_object.translation.z.max(f64::MIN_POSITIVE);
         let cells = CLOSING_SPACINGS * spacing * self.camera.fx / depth / self.cell_px;
         let closed = Silhouette(rows).closed((cells.ceil() as u32).clamp(1, SIDE as u32 / 8));
         closed.and(&self.in_image)
+    }
+
+    /// The camera matrix whose image points are counted in cells from the window's top-left corner.
+    fn cells_from_camera(&self) -> Matrix3<f64> {
+        let Pinhole { fx, fy, cx, cy } = self.camera;
+        let (cx, cy) = (cx - self.corner.x, cy - self.corner.y);
+        Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, self.cell_px) / self.cell_px
     }
 
     /// Where the silhouette's centroid lies in the image.
@@ -111,13 +119,29 @@ impl Silhouette {
 
     /// In cells from the top-left corner; `None` where it is empty.
     fn centroid(&self) -> Option<Vector2<f64>> {
-        let (mut sum_x, mut sum_y) = (0u64, 0u64);
-        for (row, &bits) in self.0.iter().enumerate() {
-            sum_y += row as u64 * u64::from(bits.count_ones());
-            for (bit, plane) in COLUMN_BITS.iter().enumerate() {
-                sum_x += u64::from((bits & plane).count_ones()) << bit;
+        let sum_y: u64 = (0u64..)
+            .zip(&self.0)
+            .map(|(row, bits)| row * u64::from(bits.count_ones()))
+            .sum();
+        // Bit j of `counts[k]` is bit k of how many cells column j has.
+        let mut counts = [0u128; 8];
+        for &bits in &self.0 {
+            let mut carry = bits;
+            for count in &mut counts {
+                (*count, carry) = (*count ^ carry, *count & carry);
             }
         }
+        let weighted = |bits: u128| {
+            let planes = COLUMN_BITS.iter().enumerate();
+            planes
+                .map(|(bit, plane)| u64::from((bits & plane).count_ones()) << bit)
+                .sum::<u64>()
+        };
+        let sum_x: u64 = counts
+            .iter()
+            .enumerate()
+            .map(|(k, &bits)| weighted(bits) << k)
+            .sum();
         let area = f64::from(self.area());
         (area > 0.0).then(|| Vector2::new(sum_x as f64, sum_y as f64) / area + Vector2::repeat(0.5))
     }
@@ -128,17 +152,27 @@ impl Silhouette {
         self.dilated(cells).complement().dilated(cells).complement()
     }
 
+    /// Each step about doubles what the steps before it reached. It is short enough for every cell to be reached on a way
+    /// that does not turn back, so that none leaves the window.
     fn dilated(&self, cells: u32) -> Self {
-        let wide = self
-            .0
-            .map(|row| (1..=cells).fold(row, |sum, k| sum | row << k | row >> k));
-        Self(std::array::from_fn(|row| {
-            let (first, last) = (
-                row.saturating_sub(cells as usize),
-                (row + cells as usize).min(SIDE - 1),
-            );
-            wide[first..=last].iter().fold(0, |sum, bits| sum | bits)
-        }))
+        let mut rows = self.0;
+        let mut reached = 0;
+        while reached < cells {
+            let step = (cells - reached).min(reached + 1);
+            for row in &mut rows {
+                *row |= *row << step | *row >> step;
+            }
+            let narrow = rows;
+            let step_rows = step as usize;
+            for (row, above) in rows[step_rows..].iter_mut().zip(&narrow) {
+                *row |= above;
+            }
+            for (row, below) in rows.iter_mut().zip(&narrow[step_rows..]) {
+                *row |= below;
+            }
+            reached += step;
+        }
+        Self(rows)
     }
 
     fn complement(&self) -> Self {
@@ -148,6 +182,19 @@ impl Silhouette {
     fn and(&self, other: &Self) -> Self {
         Self(std::array::from_fn(|row| self.0[row] & other.0[row]))
     }
+}
+
+/// The number of the cell that holds the point, row by row; SIDE² outside the window and of what is not a number.
+fn place(column: f32, row: f32) -> usize {
+    // Casts truncate: one is added so that what is just below 0 is not taken for 0.
+    let cell = |coordinate: f32| ((coordinate + 1.0) as i32).wrapping_sub(1) as u32;
+    let (column, row) = (cell(column), cell(row));
+    let inside = (column | row) < SIDE as u32;
+    (if inside {
+        row * SIDE as u32 + column
+    } else {
+        (SIDE * SIDE) as u32
+    }) as usize
 }
 
 /// Entry k has the bits whose column number has bit k.
@@ -185,6 +232,8 @@ fn bounds(mask: &Mask) -> Option<(Vector2<f64>, Vector2<f64>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vector3;
+    use proptest::prelude::*;
 
     const CAMERA: Pinhole = Pinhole {
         fx: 200.0,
@@ -213,7 +262,7 @@ mod tests {
     #[test]
     fn a_sparse_sphere_renders_as_a_full_disc() {
         let count = 2000;
-        let points: Vec<Vector3<f64>> = (0..count)
+        let points: Cloud = (0..count)
             .map(|i| {
                 let y = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
                 let (angle, r) = (i as f64 * 2.399963229728653, (1.0 - y * y).sqrt());
@@ -238,7 +287,7 @@ mod tests {
     #[test]
     fn what_lies_beyond_the_image_does_not_count() {
         let observation = Observation::new(&disc((0.0, 75.0), 30.0), CAMERA).unwrap();
-        let points: Vec<Vector3<f64>> = (0..2500)
+        let points: Cloud = (0..2500)
             .map(|i| {
                 Vector3::new(
                     f64::from(i % 50) / 50.0 - 1.0,
@@ -255,6 +304,30 @@ mod tests {
         let rendered = observation.render(&points, 0.02, &pose);
         assert_eq!(rendered.and(&observation.in_image).area(), rendered.area());
         assert!(observation.in_image.area() < (SIDE * SIDE) as u32 * 3 / 4);
+    }
+
+    #[test]
+    fn cells_end_at_the_window() {
+        assert_eq!(place(0.0, 0.999), 0);
+        assert_eq!(place(127.99, 2.5), 2 * SIDE + 127);
+        for beyond in [-0.001, 128.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e30] {
+            assert_eq!(place(beyond, 3.0), SIDE * SIDE);
+            assert_eq!(place(3.0, beyond), SIDE * SIDE);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn dilation_reaches_the_square_around_each_cell(
+            on in proptest::collection::vec((0..SIDE, 0..SIDE), 1..6),
+            cells in 1..17u32,
+        ) {
+            let dots = Silhouette::from_fn(|column, row| on.contains(&(column, row)));
+            let expected = Silhouette::from_fn(|column, row| {
+                on.iter().any(|dot| dot.0.abs_diff(column).max(dot.1.abs_diff(row)) <= cells as usize)
+            });
+            prop_assert_eq!(dots.dilated(cells).0, expected.0);
+        }
     }
 
     #[test]

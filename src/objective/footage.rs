@@ -1,14 +1,16 @@
 //! What the frames show, prepared once for all problems over them.
 
 use super::ObjectiveError;
+use super::inverse_depth::KnownDepths;
 use crate::bridge::ceres::ffi;
 use crate::geometry::Pinhole;
 use crate::image::{NearestPixel, pyramid};
 use crate::sequence::Sequence;
 use cxx::SharedPtr;
 use rayon::prelude::*;
+use std::sync::Arc;
 
-/// A sequence's images as pyramids and its masks' distance transforms: read-only, and shared by every [`Objective`]
+/// A sequence's images as pyramids, its masks' distance transforms and its known depths: read-only, and shared by every [`Objective`]
 /// over the sequence.
 ///
 /// [`Objective`]: super::Objective
@@ -16,6 +18,8 @@ pub struct Footage<'a> {
     sequence: &'a Sequence,
     levels: usize,
     pub(super) shared: SharedPtr<ffi::Footage>,
+    /// One per frame.
+    pub(super) depths: Arc<[KnownDepths]>,
 }
 
 impl<'a> Footage<'a> {
@@ -54,10 +58,12 @@ impl<'a> Footage<'a> {
             })
         });
         let frames = frames.collect::<Result<_, ObjectiveError>>()?;
+        let depths: Vec<_> = sequence.frames.par_iter().map(KnownDepths::new).collect();
         Ok(Self {
             sequence,
             levels,
             shared: ffi::new_footage(frames)?,
+            depths: depths.into(),
         })
     }
 

@@ -15,58 +15,106 @@ const SAME_SURFACE: f64 = 0.05;
 /// of which fall on the very pixel of a sparse reconstruction's depth.
 const LONE_REACH: isize = 4;
 
-/// d' where the visible points of `frame` are seen, in units in which α is about 1: where it is known, inside the
-/// mask only. `index` is the frame's.
-pub(super) fn seen(index: usize, visible: &Visibility, frame: &Frame, input_unit: f64) -> Vec<SeenDepth> {
-    let on_point = visible.points.iter().filter_map(|point| {
-        let pixel = (point.pixel.0 as usize, point.pixel.1 as usize);
-        let inverse_depth = known(frame, pixel)?;
-        Some((point.point, pixel, inverse_depth))
-    });
-    on_point
-        .chain(beside_points(visible, frame))
-        .map(|(point, pixel, inverse_depth)| {
-            let [by_column, by_row] = slope(frame, pixel, inverse_depth);
-            SeenDepth {
-                frame: index as u32,
-                point,
-                column: pixel.0 as f64 + 0.5,
-                row: pixel.1 as f64 + 0.5,
-                inverse_depth: inverse_depth / input_unit,
-                by_column: by_column / input_unit,
-                by_row: by_row / input_unit,
-            }
-        })
-        .collect()
+/// Stands for a pixel without a known depth, or without a visible point.
+const NONE: u32 = u32::MAX;
+
+/// d' of one frame: what does not depend on where the shape is.
+pub(super) struct KnownDepths {
+    /// Per pixel, row by row: the index into `depths` or [`NONE`]. Empty where the frame has no depth.
+    at_pixel: Grid<u32>,
+    /// Row by row.
+    depths: Vec<KnownDepth>,
+    /// Indices into `depths`: those that have no neighbour.
+    lone: Vec<u32>,
 }
 
-/// Lone depths that no visible point falls on, each for the nearest one.
-fn beside_points(visible: &Visibility, frame: &Frame) -> Vec<(u32, (usize, usize), f64)> {
-    let Some(depth) = &frame.depth else {
-        return Vec::new();
-    };
-    let (width, height) = depth.size();
-    let mut point_at = Grid::filled(width, height, None);
-    for point in &visible.points {
-        point_at[(point.pixel.0 as usize, point.pixel.1 as usize)] = Some(point.point);
-    }
-    let nearest = |pixel| {
-        let there = window(pixel, LONE_REACH)
-            .filter_map(|(offset, neighbour)| Some((offset, (*point_at.get(neighbour.0, neighbour.1)?)?)));
-        there.min_by_key(|&((column, row), point)| (column * column + row * row, point))
-    };
-    let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
-    pixels
-        .filter_map(|pixel| {
-            let inverse_depth = known(frame, pixel)?;
-            let lone = window(pixel, REACH)
+/// d' of a pixel inside the mask, in the units of the off-the-shelf reconstruction.
+struct KnownDepth {
+    pixel: (u32, u32),
+    inverse_depth: f64,
+    by_column: f64,
+    by_row: f64,
+}
+
+impl KnownDepths {
+    pub fn new(frame: &Frame) -> Self {
+        let (width, height) = frame.depth.as_ref().map_or((0, 0), Grid::size);
+        let (mut depths, mut lone) = (Vec::new(), Vec::new());
+        let at_pixel = Grid::from_fn(width, height, |column, row| {
+            let Some(inverse_depth) = known(frame, (column, row)) else {
+                return NONE;
+            };
+            let index = depths.len() as u32;
+            let around = window((column, row), REACH);
+            if around
                 .filter(|&(_, neighbour)| known(frame, neighbour).is_some())
                 .nth(1)
-                .is_none();
-            let (offset, point) = nearest(pixel).filter(|_| lone)?;
-            (offset != (0, 0)).then_some((point, pixel, inverse_depth))
+                .is_none()
+            {
+                lone.push(index);
+            }
+            let [by_column, by_row] = slope(frame, (column, row), inverse_depth);
+            depths.push(KnownDepth {
+                pixel: (column as u32, row as u32),
+                inverse_depth,
+                by_column,
+                by_row,
+            });
+            index
+        });
+        Self {
+            at_pixel,
+            depths,
+            lone,
+        }
+    }
+
+    /// d' where the `visible` points are seen, in units in which α is about 1: where it is known, inside the mask only.
+    /// `frame` is the frame's index.
+    pub fn seen(&self, frame: usize, visible: &Visibility, input_unit: f64) -> Vec<SeenDepth> {
+        let on_point = visible.points.iter().filter_map(|point| {
+            let (column, row) = point.pixel;
+            let &index = self.at_pixel.get(column as usize, row as usize)?;
+            Some((point.point, self.depths.get(index as usize)?))
+        });
+        on_point
+            .chain(self.beside_points(visible))
+            .map(|(point, depth)| SeenDepth {
+                frame: frame as u32,
+                point,
+                column: f64::from(depth.pixel.0) + 0.5,
+                row: f64::from(depth.pixel.1) + 0.5,
+                inverse_depth: depth.inverse_depth / input_unit,
+                by_column: depth.by_column / input_unit,
+                by_row: depth.by_row / input_unit,
+            })
+            .collect()
+    }
+
+    /// Lone depths that no visible point falls on, each for the nearest one.
+    fn beside_points(&self, visible: &Visibility) -> Vec<(u32, &KnownDepth)> {
+        if self.lone.is_empty() {
+            return Vec::new();
+        }
+        let (width, height) = self.at_pixel.size();
+        let mut point_at = Grid::filled(width, height, NONE);
+        for point in &visible.points {
+            point_at[(point.pixel.0 as usize, point.pixel.1 as usize)] = point.point;
+        }
+        let nearest = |(column, row): (u32, u32)| {
+            let there = window((column as usize, row as usize), LONE_REACH).filter_map(|(offset, pixel)| {
+                let &point = point_at.get(pixel.0, pixel.1)?;
+                (point != NONE).then_some((offset, point))
+            });
+            there.min_by_key(|&((column, row), point)| (column * column + row * row, point))
+        };
+        let lone = self.lone.iter().map(|&index| &self.depths[index as usize]);
+        lone.filter_map(|depth| {
+            let (offset, point) = nearest(depth.pixel)?;
+            (offset != (0, 0)).then_some((point, depth))
         })
         .collect()
+    }
 }
 
 /// The pixels no further than `reach` from `pixel` in columns and rows, itself among them, with their offsets; the image's
@@ -91,18 +139,25 @@ fn known(frame: &Frame, pixel: (usize, usize)) -> Option<f64> {
 /// The least-squares plane's slope through d' around `pixel`, per column and per row; zero where too few
 /// neighbours are known.
 fn slope(frame: &Frame, pixel: (usize, usize), inverse_depth: f64) -> [f64; 2] {
-    let mut normal = Matrix3::zeros();
     let mut right = Vector3::zeros();
+    // Sums of 1, column, row and their products: whole numbers, so exact.
+    let [mut n, mut c, mut r, mut cc, mut cr, mut rr] = [0.0; 6];
     for ((column, row), neighbour) in window(pixel, REACH) {
         let Some(d) = known(frame, neighbour) else {
             continue;
         };
         if (d - inverse_depth).abs() < SAME_SURFACE * inverse_depth {
-            let basis = Vector3::new(column as f64, row as f64, 1.0);
-            normal += basis * basis.transpose();
-            right += basis * d;
+            let (column, row) = (column as f64, row as f64);
+            n += 1.0;
+            c += column;
+            r += row;
+            cc += column * column;
+            cr += column * row;
+            rr += row * row;
+            right += Vector3::new(column, row, 1.0) * d;
         }
     }
+    let normal = Matrix3::new(cc, cr, c, cr, rr, r, c, r, n);
     // Below this determinant the known neighbours are too few or lie on a line.
     match normal.try_inverse() {
         Some(inverse) if normal.determinant() > 1.0 => {
@@ -167,11 +222,11 @@ mod tests {
                     inverse_depth: 0.5,
                 })
                 .collect(),
-            unoccluded: Vec::new(),
+            ..Visibility::default()
         };
         let points = at(&[(0, 0), (4, 1), (6, 5), (7, 7)]);
         let places = |frame: &Frame| -> Vec<(u32, f64, f64)> {
-            let seen = seen(0, &points, frame, 1.0);
+            let seen = KnownDepths::new(frame).seen(0, &points, 1.0);
             seen.iter().map(|d| (d.point, d.column, d.row)).collect()
         };
         let lone = frame(|column, row| {

@@ -11,16 +11,17 @@ mod threads;
 
 pub use call::{Block, Call, CallOutcome, Iteration};
 pub use footage::Footage;
+use inverse_depth::KnownDepths;
 use options::{MOTION_CAUCHY, MOTION_WEIGHT, limit};
 pub use options::{ObjectiveOptions, Pairs};
 
 use crate::bridge::ceres::{Observer, PriorCallback, ffi};
-use crate::geometry::{Matrix3, Pinhole, Pose, Rotation3, Vector3};
+use crate::geometry::{Matrix3, Pose, Rotation3};
 use crate::init::Estimate;
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
 use crate::solver::ObjectiveValue;
-use crate::visibility::{Surfels, Visibility as Seen, visible_points};
+use crate::visibility::{Neighbourhoods, Surfels, Visibility as Seen, visible_points};
 use cxx::UniquePtr;
 use std::sync::Arc;
 
@@ -48,7 +49,11 @@ pub enum ObjectiveError {
 pub struct Objective<'a> {
     problem: UniquePtr<ffi::Problem>,
     sequence: &'a Sequence,
+    /// One per frame.
+    depths: Arc<[KnownDepths]>,
     prior: Arc<dyn ShapePrior>,
+    /// Of the points that are looked at, in the prior's mean shape.
+    neighbourhoods: Neighbourhoods,
     options: ObjectiveOptions,
     target: usize,
     threads: usize,
@@ -105,9 +110,13 @@ impl<'a> Objective<'a> {
             Box::new(PriorCallback::new(prior.clone(), points.max(targets))),
             &terms(sequence, &options, prior.style_len(), target, start.alpha),
         )?;
+        let mut mean = vec![0.0; 3 * options.points];
+        prior.points(&vec![0.0; prior.style_len()], &mut mean);
         Ok(Self {
             problem,
             sequence,
+            depths: footage.depths.clone(),
+            neighbourhoods: Neighbourhoods::of(&mean),
             prior,
             pairs: options.pairs.of(frames, target),
             options,
@@ -130,20 +139,20 @@ impl<'a> Objective<'a> {
     /// No such level.
     pub fn visibility(&self, estimate: &Estimate, level: usize) -> Result<Visibility, ObjectiveError> {
         let points = self.points(estimate);
-        let surfels = Surfels::new(&points);
+        let surfels = Surfels::among(&self.neighbourhoods, &points);
         let frames = &self.sequence.frames;
         let photometric = self.options.photometric_weight > 0.0;
-        let input_unit = self.input_unit;
+        let (known_depths, input_unit) = (&self.depths, self.input_unit);
         let seen = threads::map(frames.len(), self.threads, |l| {
             let (frame, pose) = (&frames[l], &estimate.camera_from_object[l]);
             let camera = estimate.camera(&frame.camera);
             let seen = visible_points(&points, &camera, pose, frame.image.size(), Some(&surfels));
             let inside = if photometric {
-                inside_mask(&points, frame, &camera, pose)
+                inside_mask(&seen, frame)
             } else {
                 Vec::new()
             };
-            let depths = inverse_depth::seen(l, &seen, frame, input_unit);
+            let depths = known_depths[l].seen(l, &seen, input_unit);
             (seen, inside, depths)
         });
         let mut input = ffi::VisibilityInput {
@@ -354,16 +363,10 @@ fn known_motions(sequence: &Sequence, target: usize, input_unit: f64) -> Vec<ffi
 }
 
 /// Per point: does it project into the frame's mask?
-fn inside_mask(points: &[f64], frame: &Frame, camera: &Pinhole, camera_from_object: &Pose) -> Vec<bool> {
-    points
-        .chunks_exact(3)
-        .map(|x| {
-            let point = camera_from_object.transform(&Vector3::new(x[0], x[1], x[2]));
-            camera
-                .project(&point)
-                .and_then(|pixel| frame.mask.pixel_at(pixel.x, pixel.y))
-                .is_some_and(|pixel| frame.mask[pixel])
-        })
+fn inside_mask(seen: &Seen, frame: &Frame) -> Vec<bool> {
+    let cells = seen.cells.iter();
+    cells
+        .map(|cell| cell.is_some_and(|cell| frame.mask.data()[cell as usize]))
         .collect()
 }
 

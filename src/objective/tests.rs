@@ -3,8 +3,7 @@
 mod terms;
 
 use super::*;
-use crate::geometry::RelativePose;
-use crate::geometry::Rotation3;
+use crate::geometry::{Pinhole, RelativePose, Rotation3, Vector3};
 use crate::image::{Mask, RgbImage};
 use crate::solver::{Evaluation, LinearSolver, Minimiser};
 

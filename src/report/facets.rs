@@ -1,7 +1,6 @@
 //! Triangles between neighbouring points: an approximate surface, good enough to draw.
 
 use crate::geometry::Vector3;
-use std::collections::BTreeSet;
 
 /// How many neighbours a point is joined to.
 pub(super) const RING: u32 = 20;
@@ -24,7 +23,7 @@ pub(super) fn around_points(
         .collect();
     reaches.sort_by(f64::total_cmp);
     let longest = LONGEST_EDGE * reaches.get(reaches.len() / 2).copied().unwrap_or(0.0);
-    let mut facets = BTreeSet::new();
+    let mut facets = Vec::new();
     for (i, (normal, ring)) in normals.iter().zip(rings).enumerate() {
         let across = normal.cross(&least_aligned_axis(normal)).normalize();
         let along = normal.cross(&across);
@@ -43,11 +42,13 @@ pub(super) fn around_points(
             if j != next && corner <= WIDEST_CORNER_DEG.to_radians() {
                 let mut facet = [i as u32, j as u32, next as u32];
                 facet.sort_unstable();
-                facets.insert(facet);
+                facets.push(facet);
             }
         }
     }
-    facets.into_iter().collect()
+    facets.sort_unstable();
+    facets.dedup();
+    facets
 }
 
 fn least_aligned_axis(normal: &Vector3<f64>) -> Vector3<f64> {

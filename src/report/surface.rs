@@ -154,13 +154,16 @@ impl Canvas {
         let [a, b, c] = corners;
         let area = cross(a, b, c.u, c.v);
         let columns = pixels(corners.map(|p| p.u), self.depth.width());
+        if columns.is_empty() {
+            return;
+        }
         for row in pixels(corners.map(|p| p.v), self.depth.height()) {
             for column in columns.clone() {
                 let (u, v) = (column as f64 + 0.5, row as f64 + 0.5);
-                // Not finite where the facet is seen edge-on: the comparison then fails.
-                let weights =
-                    [cross(b, c, u, v), cross(c, a, u, v), cross(a, b, u, v)].map(|part| part / area);
-                if weights.iter().all(|&weight| weight >= 0.0) {
+                let parts = [cross(b, c, u, v), cross(c, a, u, v), cross(a, b, u, v)];
+                // Nothing is inside a facet that is seen edge-on.
+                if parts.iter().all(|part| part * area >= 0.0) && area != 0.0 {
+                    let weights = parts.map(|part| part / area);
                     let inverse_depth = weights[0] / a.z + weights[1] / b.z + weights[2] / c.z;
                     let nearest_corner =
                         (0..3).fold(0, |best, i| if weights[i] > weights[best] { i } else { best });
@@ -187,9 +190,11 @@ fn cross(a: Projected, b: Projected, u: f64, v: f64) -> f64 {
 /// The pixels along one axis whose centres lie between the least and the greatest coordinate.
 fn pixels(coordinates: [f64; 3], size: usize) -> std::ops::Range<usize> {
     let [a, b, c] = coordinates;
-    let clamp = |pixel: f64| pixel.clamp(0.0, size as f64) as usize;
-    let low = clamp((a.min(b).min(c) - 0.5).ceil());
-    low..clamp((a.max(b).max(c) + 0.5).floor()).max(low)
+    let clamp = |pixel: f64| pixel.clamp(0.0, size as f64);
+    let least = clamp(a.min(b).min(c) - 0.5);
+    // `least.ceil()` without the function call that it is on processors of no particular kind: there are millions of facets.
+    let low = least as usize + usize::from(least > (least as usize) as f64);
+    low..(clamp(a.max(b).max(c) + 0.5) as usize).max(low)
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {

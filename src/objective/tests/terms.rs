@@ -81,7 +81,7 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
     let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, &at);
     setting.at.alpha = 3.0;
     let points = setting.objective.points(&at);
-    let surfels = Surfels::new(&points);
+    let surfels = Surfels::among(&setting.objective.neighbourhoods, &points);
     let mut expected = 0.0;
     for (l, frame) in sequence.frames.iter().enumerate() {
         let pose = at.camera_from_object[l];
@@ -118,6 +118,7 @@ fn eq_4_takes_points_inside_both_masks_and_hidden_in_neither() {
             })
             .collect(),
         unoccluded: unoccluded.to_vec(),
+        ..Seen::default()
     };
     let target = seen(&[0, 1, 2], [true; 5]);
     let source = seen(&[1, 2, 3], [false, true, true, true, true]);
