@@ -8,9 +8,29 @@ namespace spba {
 namespace {
 
 // target row (1 x S) += a^T X for a 3-vector a and X = dx/ds.
-void AddRow(const Vector3& a, const double* x, int styles, double* target) {
+void AddRow(const Vector3& a, const double* x, int styles, double* __restrict target) {
   const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
-  for (int c = 0; c < styles; ++c) target[c] += a[0] * x0[c] + a[1] * x1[c] + a[2] * x2[c];
+  const double a0 = a[0], a1 = a[1], a2 = a[2];
+  for (int c = 0; c < styles; ++c) target[c] += a0 * x0[c] + a1 * x1[c] + a2 * x2[c];
+}
+
+// The 6 x 6 block of `matrix` at (row, column) += a^T b.
+void AddProduct(const Matrix36& a, const Matrix36& b, int row, int column, RowMajorMatrix* matrix) {
+  for (int r = 0; r < 6; ++r) {
+    double* __restrict const target = &(*matrix)(row + r, column);
+    const double a0 = a(0, r), a1 = a(1, r), a2 = a(2, r);
+    for (int c = 0; c < 6; ++c) target[c] += a0 * b(0, c) + a1 * b(1, c) + a2 * b(2, c);
+  }
+}
+
+// A small product without a temporary or a call.
+Matrix36 Times(const Matrix3& a, const Matrix36& b) {
+  Matrix36 product;
+  for (int r = 0; r < 3; ++r) {
+    const double a0 = a(r, 0), a1 = a(r, 1), a2 = a(r, 2);
+    for (int c = 0; c < 6; ++c) product(r, c) = a0 * b(0, c) + a1 * b(1, c) + a2 * b(2, c);
+  }
+  return product;
 }
 
 }  // namespace
@@ -157,9 +177,9 @@ void PointSystem::Finish(NormalEquations* sums) {
     if (want_.focal) {
       with_focal_by_position_[i].noalias() = view.curvature * Views::ByLogFocal(view.position);
     }
-    const Matrix36 curved = view.curvature * by_pose_[i];
+    const Matrix36 curved = Times(view.curvature, by_pose_[i]);
     const int at = layout.pose(view.frame);
-    matrix.block<6, 6>(at, at).noalias() += by_pose_[i].transpose() * curved;
+    AddProduct(by_pose_[i], curved, at, at, &matrix);
   }
   for (const PairBlock& pair : pairs_) {
     const auto a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
@@ -171,13 +191,11 @@ void PointSystem::Finish(NormalEquations* sums) {
       with_focal_by_position_[b].noalias() += pair.curvature.transpose() * Views::ByLogFocal(view_a.position);
     }
     if (view_a.frame < view_b.frame) {
-      const Matrix36 curved = pair.curvature * by_pose_[b];
-      matrix.block<6, 6>(layout.pose(view_a.frame), layout.pose(view_b.frame)).noalias() +=
-          by_pose_[a].transpose() * curved;
+      const Matrix36 curved = Times(pair.curvature, by_pose_[b]);
+      AddProduct(by_pose_[a], curved, layout.pose(view_a.frame), layout.pose(view_b.frame), &matrix);
     } else {
-      const Matrix36 curved = pair.curvature.transpose() * by_pose_[a];
-      matrix.block<6, 6>(layout.pose(view_b.frame), layout.pose(view_a.frame)).noalias() +=
-          by_pose_[b].transpose() * curved;
+      const Matrix36 curved = Times(pair.curvature.transpose(), by_pose_[a]);
+      AddProduct(by_pose_[b], curved, layout.pose(view_b.frame), layout.pose(view_a.frame), &matrix);
     }
   }
 

@@ -98,6 +98,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return Ok(());
     };
     report::check_out(out)?;
+    config.solver.threads = match config.threads {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        threads => threads,
+    };
     rayon::ThreadPoolBuilder::new()
         .num_threads(config.threads)
         .build_global()
