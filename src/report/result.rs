@@ -27,6 +27,9 @@ pub struct RunResult {
     pub style: Vec<f64>,
     /// α: x_cam = α x'_cam (Eq. 10); `None` where the input brings neither poses nor depth.
     pub alpha: Option<f64>,
+    /// By which the input's focal lengths were multiplied; 1 where they were held.
+    #[serde(default = "one")]
+    pub focal_factor: f64,
     /// `None` where the input brings no poses.
     pub object_from_input: Option<SimilarityRecord>,
     pub objective: ObjectiveSpan,
@@ -106,6 +109,10 @@ impl From<&Similarity> for SimilarityRecord {
     }
 }
 
+fn one() -> f64 {
+    1.0
+}
+
 impl RunResult {
     pub(super) fn schema() -> u32 {
         SCHEMA
@@ -154,11 +161,13 @@ impl RunResult {
                 value.inverse_depth,
                 value.style,
                 value.motion,
+                value.focal,
             ]
         };
         let mut numbers: Vec<(String, Vec<f64>)> = vec![
             ("style".into(), self.style.clone()),
             ("alpha".into(), self.alpha.into_iter().collect()),
+            ("focal_factor".into(), vec![self.focal_factor]),
             (
                 "objective.start".into(),
                 objective(&self.objective.start).to_vec(),

@@ -3,7 +3,7 @@
 use crate::solver::TraceRow;
 use std::fmt::Write;
 
-const HEADER: &str = "stage,step,block,iteration,total,photometric,silhouette,inverse_depth,style,motion,gradient_norm,\
+const HEADER: &str = "stage,step,block,iteration,total,photometric,silhouette,inverse_depth,style,motion,focal,gradient_norm,\
                       alpha,residual_evaluations,jacobian_evaluations,seconds\n";
 
 /// The cell of a number that is not finite stays empty.
@@ -18,6 +18,7 @@ pub(super) fn csv(rows: &[TraceRow]) -> String {
             value.inverse_depth,
             value.style,
             value.motion,
+            value.focal,
             row.gradient_norm,
             row.alpha,
         ]
@@ -71,7 +72,7 @@ mod tests {
         };
         let text = csv(&[row]);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!(lines[1], "level-1,3,all,7,1.5,0,0,0,0,0,,0.25,8,9,0.5");
+        assert_eq!(lines[1], "level-1,3,all,7,1.5,0,0,0,0,0,0,,0.25,8,9,0.5");
         assert_eq!(lines[0].split(',').count(), lines[1].split(',').count());
     }
 }

@@ -227,6 +227,7 @@ fn summarise(
             .iter()
             .any(scaled)
             .then_some(solution.estimate.alpha),
+        focal_factor: solution.estimate.focal_factor,
         object_from_input: object_from_input.as_ref().map(SimilarityRecord::from),
         objective: ObjectiveSpan {
             start: solution.objective_start,
@@ -354,7 +355,7 @@ mod tests {
             keys.sort();
             keys
         };
-        let top = "alpha density_mean evaluations frames hypotheses input iterations object_from_input objective \
+        let top = "alpha density_mean evaluations focal_factor frames hypotheses input iterations object_from_input objective \
                    peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
         assert_eq!(keys(&json).join(" "), top);
         let frame = "center density name rotation silhouette_iou translation";
@@ -364,7 +365,7 @@ mod tests {
             "rotation scale translation"
         );
         assert_eq!(keys(&json["objective"]).join(" "), "end start");
-        let terms = "inverse_depth motion photometric silhouette style total";
+        let terms = "focal inverse_depth motion photometric silhouette style total";
         assert_eq!(keys(&json["objective"]["end"]).join(" "), terms);
         assert_eq!(keys(&json["evaluations"]).join(" "), "jacobian residual");
         assert_eq!(json["termination"], "converged");
