@@ -27,7 +27,7 @@ pub struct Args {
     /// How L-BFGS's line search is to choose its next trial
     #[arg(long, value_name = "KIND", value_delimiter = ',', default_value = "cubic")]
     interpolations: Vec<InterpolationArg>,
-    /// Further linear solvers for joint LM, whose own is Ceres's DENSE_SCHUR
+    /// Linear solvers for joint LM over a residual block each, beside LM over accumulated normal equations
     #[arg(long, value_name = "SOLVER", value_delimiter = ',')]
     linear_solvers: Vec<LinearSolverArg>,
     /// Folder for compare.csv, .json, .md and charts (SVG)
@@ -46,8 +46,6 @@ pub struct Args {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum LinearSolverArg {
-    SparseSchur,
-    IterativeSchur,
     SparseNormalCholesky,
     DenseNormalCholesky,
 }
@@ -78,8 +76,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .linear_solvers
         .iter()
         .map(|solver| match solver {
-            LinearSolverArg::SparseSchur => LinearSolver::SparseSchur,
-            LinearSolverArg::IterativeSchur => LinearSolver::IterativeSchur,
             LinearSolverArg::SparseNormalCholesky => LinearSolver::SparseNormalCholesky,
             LinearSolverArg::DenseNormalCholesky => LinearSolver::DenseNormalCholesky,
         })

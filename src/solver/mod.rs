@@ -17,7 +17,7 @@ pub use solution::{
 };
 
 use crate::init::{Estimate, Initialisation};
-use crate::objective::{Footage, Objective, ObjectiveError, ObjectiveOptions};
+use crate::objective::{Footage, Objective, ObjectiveError, ObjectiveOptions, Pairs};
 use crate::prior::ShapePrior;
 use descent::{Descent, Route, descend};
 use progress::Progress;
@@ -250,6 +250,12 @@ pub fn refine(
     observer: &Observer,
 ) -> Result<Solution, SolveError> {
     check(options)?;
+    if options.minimiser.eliminates_poses() && objective_options.pairs != Pairs::Star {
+        return Err(SolveError::Option(
+            "linear_solver",
+            "a Schur solver needs objective.pairs = \"star\": the poses that it eliminates may share no residual",
+        ));
+    }
     let began = Instant::now();
     let mut start = start.clone();
     if options.motion_start == MotionStart::Zero

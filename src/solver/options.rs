@@ -39,6 +39,18 @@ impl Minimiser {
         }
     }
 
+    /// Whether its linear solver is a Schur complement over all poses but the target's.
+    pub(crate) fn eliminates_poses(self) -> bool {
+        use LinearSolver::{DenseSchur, IterativeSchur, SparseSchur};
+        matches!(
+            self,
+            Self::Lm {
+                linear_solver: DenseSchur | SparseSchur | IterativeSchur,
+                ..
+            }
+        )
+    }
+
     /// L-BFGS that remembers `rank` steps.
     pub fn lbfgs(rank: u32) -> Self {
         Self::Lbfgs {
@@ -168,11 +180,7 @@ impl SolverOptions {
             } if !(radius.is_finite() && radius > 0.0) => {
                 return Err(("initial_trust_region_radius", "must be more than 0"));
             }
-            Minimiser::Lm {
-                linear_solver:
-                    LinearSolver::DenseSchur | LinearSolver::SparseSchur | LinearSolver::IterativeSchur,
-                ..
-            } if self.strategy == Strategy::Alternating => {
+            minimiser if minimiser.eliminates_poses() && self.strategy == Strategy::Alternating => {
                 return Err(("linear_solver", "a Schur solver needs the joint strategy"));
             }
             Minimiser::Lm { linear_solver, .. }

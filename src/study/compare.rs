@@ -14,7 +14,7 @@ use crate::init::{Estimate, cameras_from_input};
 use crate::objective::Objective;
 use crate::prior::{self, ShapePrior};
 use crate::sequence::Sequence;
-use crate::solver::{self, Interpolation, LinearSolver, Minimiser, Strategy, Termination};
+use crate::solver::{self, Evaluation, Interpolation, LinearSolver, Minimiser, Strategy, Termination};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -56,7 +56,7 @@ pub struct Comparison {
 }
 
 /// Both minimisers with both strategies, L-BFGS with each history of `ranks` and each of `interpolations`; and joint LM
-/// with each of `linear_solvers`.
+/// over a residual block each with each of `linear_solvers`.
 pub fn methods(
     ranks: &[u32],
     interpolations: &[Interpolation],
@@ -91,9 +91,11 @@ pub fn methods(
         }
     }
     for &solver in linear_solvers {
-        let label = format!("LM, joint, {solver:?}");
+        let label = format!("LM, joint, over blocks, {solver:?}");
         let name = format!("lm-joint-{solver:?}");
-        methods.push(method(name, label, Minimiser::lm(solver), Strategy::Joint));
+        let mut over_blocks = method(name, label, Minimiser::lm(solver), Strategy::Joint);
+        over_blocks.config.solver.evaluation = Evaluation::Blocks;
+        methods.push(over_blocks);
     }
     methods
 }
