@@ -64,7 +64,7 @@ class Coordinates {
   RowMajorMatrix NormalMatrix(const RowMajorMatrix& of_layout) const;
 
  private:
-  // The columns of the change of coordinates: layout x free, applied from the left to a matrix's rows.
+  // J^T rows, J being the derivative of Layout's tangents by the free coordinates.
   RowMajorMatrix Reduced(const RowMajorMatrix& rows) const;
 
   const Variables start_;
