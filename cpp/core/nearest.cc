@@ -30,19 +30,18 @@ Eigen::Vector2d SilhouetteLookup::Nearest(const Eigen::Vector2d& point, double n
       best = centre;
     }
   };
-  const double column = std::floor(point.x()) + padding_;
-  const double row = std::floor(point.y()) + padding_;
-  if (column < 1 || row < 1 || column >= grid_width_ - 1 || row >= grid_height_ - 1) {
+  const double x = point.x() + padding_, y = point.y() + padding_;
+  if (!(x >= 1 && y >= 1 && x < grid_width_ - 1 && y < grid_height_ - 1)) {
     for (const uint32_t index : boundary_) consider(index);
     return best;
   }
-  consider(
-      nearest_[static_cast<size_t>(row) * static_cast<size_t>(grid_width_) + static_cast<size_t>(column)]);
+  const int column = static_cast<int>(x), row = static_cast<int>(y);
+  consider(nearest_[static_cast<size_t>(row) * grid_width_ + column]);
   if (best_distance <= near_enough * near_enough) return best;
   // The nearest pixel of a cell's centre need not be that of every point in the cell; a neighbouring cell's
   // is.
-  for (int r = static_cast<int>(row) - 1; r <= static_cast<int>(row) + 1; ++r) {
-    for (int c = static_cast<int>(column) - 1; c <= static_cast<int>(column) + 1; ++c) {
+  for (int r = row - 1; r <= row + 1; ++r) {
+    for (int c = column - 1; c <= column + 1; ++c) {
       consider(nearest_[static_cast<size_t>(r) * grid_width_ + c]);
     }
   }
@@ -71,19 +70,20 @@ PointGrid::PointGrid(const std::vector<Eigen::Vector2d>& points) {
     ++first_[static_cast<size_t>(cells[i]) + 1];
   }
   for (size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
-  entries_.resize(points.size());
+  entries_.reset(new Entry[points.size()]);
   std::vector<int> next(first_.begin(), first_.end() - 1);
   for (size_t i = 0; i < points.size(); ++i) {
-    entries_[static_cast<size_t>(next[static_cast<size_t>(cells[i])]++)] = {points[i], static_cast<int>(i)};
+    entries_[static_cast<size_t>(next[static_cast<size_t>(cells[i])]++)] = {points[i].x(), points[i].y(),
+                                                                            static_cast<int>(i)};
   }
 }
 
 int PointGrid::Column(double x) const {
-  return std::clamp(static_cast<int>(std::floor((x - low_.x()) * cells_per_pixel_)), 0, columns_ - 1);
+  return static_cast<int>(std::clamp((x - low_.x()) * cells_per_pixel_, 0.0, columns_ - 1.0));
 }
 
 int PointGrid::Row(double y) const {
-  return std::clamp(static_cast<int>(std::floor((y - low_.y()) * cells_per_pixel_)), 0, rows_ - 1);
+  return static_cast<int>(std::clamp((y - low_.y()) * cells_per_pixel_, 0.0, rows_ - 1.0));
 }
 
 int PointGrid::Nearest(const Eigen::Vector2d& pixel, double near_enough) const {
@@ -106,7 +106,7 @@ int PointGrid::Nearest(const Eigen::Vector2d& pixel, double near_enough) const {
         const auto cell = static_cast<size_t>(r * columns_ + c);
         for (int k = first_[cell]; k < first_[cell + 1]; ++k) {
           const Entry& entry = entries_[static_cast<size_t>(k)];
-          const double distance = (entry.point - pixel).squaredNorm();
+          const double x = entry.x - pixel.x(), y = entry.y - pixel.y(), distance = x * x + y * y;
           if (distance <= enough) return entry.index;
           if (distance < best_distance || (distance == best_distance && entry.index < best)) {
             best_distance = distance;

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 namespace spba {
@@ -42,7 +43,7 @@ class PointGrid {
 
  private:
   struct Entry {
-    Eigen::Vector2d point;
+    double x, y;
     int index;
   };
   int Column(double x) const;
@@ -51,8 +52,8 @@ class PointGrid {
   Eigen::Vector2d low_;
   double cell_size_, cells_per_pixel_;
   int columns_, rows_;
-  std::vector<int> first_;      // cell -> its first entry; one more at the end
-  std::vector<Entry> entries_;  // cell after cell
+  std::vector<int> first_;            // cell -> its first entry; one more at the end
+  std::unique_ptr<Entry[]> entries_;  // cell after cell
 };
 
 }  // namespace spba

@@ -2,6 +2,8 @@
 
 #include <ceres/jet.h>
 
+#include <Eigen/Geometry>
+
 #include "spba/photometric.h"
 
 namespace spba {
@@ -14,23 +16,49 @@ void AddRow(const Vector3& a, const double* x, int styles, double* __restrict ta
   for (int c = 0; c < styles; ++c) target[c] += a0 * x0[c] + a1 * x1[c] + a2 * x2[c];
 }
 
-// The 6 x 6 block of `matrix` at (row, column) += a^T b.
-void AddProduct(const Matrix36& a, const Matrix36& b, int row, int column, RowMajorMatrix* matrix) {
-  for (int r = 0; r < 6; ++r) {
-    double* __restrict const target = &(*matrix)(row + r, column);
-    const double a0 = a(0, r), a1 = a(1, r), a2 = a(2, r);
-    for (int c = 0; c < 6; ++c) target[c] += a0 * b(0, c) + a1 * b(1, c) + a2 * b(2, c);
+// The six rows of `target`, `stride` apart, += a^T X for a 3 x 6 matrix a.
+void AddRows(const Matrix36& a, const double* x, int styles, double* target, Eigen::Index stride) {
+  const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
+  // Two rows at a time share what is loaded of X.
+  for (int r = 0; r < 6; r += 2) {
+    double* __restrict const even = target + r * stride, * __restrict const odd = even + stride;
+    const double e0 = a(0, r), e1 = a(1, r), e2 = a(2, r);
+    const double o0 = a(0, r + 1), o1 = a(1, r + 1), o2 = a(2, r + 1);
+    for (int c = 0; c < styles; ++c) {
+      even[c] += e0 * x0[c] + e1 * x1[c] + e2 * x2[c];
+      odd[c] += o0 * x0[c] + o1 * x1[c] + o2 * x2[c];
+    }
   }
 }
 
-// A small product without a temporary or a call.
-Matrix36 Times(const Matrix3& a, const Matrix36& b) {
-  Matrix36 product;
-  for (int r = 0; r < 3; ++r) {
-    const double a0 = a(r, 0), a1 = a(r, 1), a2 = a(r, 2);
-    for (int c = 0; c < 6; ++c) product(r, c) = a0 * b(0, c) + a1 * b(1, c) + a2 * b(2, c);
-  }
+// a^T times the derivative of a position by the camera's twist; `turned` = R x. Inline, as it has little to
+// do.
+inline Vector6 ByTwist(const TwistScales& scales, const Vector3& turned, double a0, double a1, double a2) {
+  const double v0 = turned[0], v1 = turned[1], v2 = turned[2];
+  const double u0 = scales.turn[0] * a0, u1 = scales.turn[1] * a1, u2 = scales.turn[2] * a2;
+  Vector6 product;
+  product << v1 * u2 - v2 * u1, v2 * u0 - v0 * u2, v0 * u1 - v1 * u0, scales.translation[0] * a0,
+      scales.translation[1] * a1, scales.translation[2] * a2;
   return product;
+}
+inline Vector6 ByTwist(const TwistScales& scales, const Vector3& turned, const Vector3& a) {
+  return ByTwist(scales, turned, a[0], a[1], a[2]);
+}
+
+// The block of two cameras' twists += what a curvature between the positions is there: only cross products
+// are left of a^T C b.
+void AddTwists(const TwistScales& scales, const Vector3& turned_a, const Vector3& turned_b,
+               const Matrix3& curvature, int a, int b, RowMajorMatrix* matrix) {
+  Vector6 rows[3];  // of C b
+  for (int r = 0; r < 3; ++r) {
+    rows[r] = ByTwist(scales, turned_b, curvature(r, 0), curvature(r, 1), curvature(r, 2));
+  }
+  double* const target = &(*matrix)(a, b);
+  const Eigen::Index stride = matrix->cols();
+  for (int c = 0; c < 6; ++c) {
+    const Vector6 column = ByTwist(scales, turned_a, rows[0][c], rows[1][c], rows[2][c]);
+    for (int r = 0; r < 6; ++r) target[r * stride + c] += column[r];
+  }
 }
 
 }  // namespace
@@ -59,6 +87,7 @@ PointSystem::PointSystem(const Views& views, const Footage& footage, int level, 
       footage_(footage),
       level_(level),
       want_(want),
+      scales_(views),
       slots_(static_cast<size_t>(views.frame_count()), -1) {
   seen_.reserve(slots_.size());
   if (want.normal_matrix() && want.style) {
@@ -85,6 +114,7 @@ int PointSystem::Slot(int l) {
     view.has_colour = false;
     view.gradient.setZero();
     view.curvature.setZero();
+    view.by_colour = 0.0;
     view.with_alpha.setZero();
   }
   return slot;
@@ -133,15 +163,17 @@ void PointSystem::AddDifference(PointView* a, PointView* b, const Weighed<3>& we
   PairBlock& pair = pairs_.emplace_back();
   pair.a = slots_[static_cast<size_t>(a->frame)];
   pair.b = slots_[static_cast<size_t>(b->frame)];
-  a->curvature.noalias() += weighed.across * (by_a.transpose() * by_a);
-  b->curvature.noalias() += weighed.across * (by_b.transpose() * by_b);
-  pair.curvature.noalias() = -weighed.across * (by_a.transpose() * by_b);
+  pair.curvature.setZero();
+  a->by_colour += weighed.across;
+  b->by_colour += weighed.across;
+  AddProduct(-weighed.across, by_a, by_b, &pair.curvature);
   if (weighed.less_along != 0.0) {
+    using Row3 = Eigen::Matrix<double, 1, 3>;
     const double less = weighed.across * weighed.less_along;
-    const Vector3 along_a = by_a.transpose() * residual, along_b = by_b.transpose() * residual;
-    a->curvature.noalias() -= less * (along_a * along_a.transpose());
-    b->curvature.noalias() -= less * (along_b * along_b.transpose());
-    pair.curvature.noalias() += less * (along_a * along_b.transpose());
+    const Row3 along_a = residual.transpose() * by_a, along_b = residual.transpose() * by_b;
+    AddProduct(-less, along_a, along_a, &a->curvature);
+    AddProduct(-less, along_b, along_b, &b->curvature);
+    AddProduct(less, along_a, along_b, &pair.curvature);
   }
 }
 
@@ -155,13 +187,12 @@ void PointSystem::Finish(NormalEquations* sums) {
   double* const gradient = sums->gradient.data();
 
   Vector3 by_point = Vector3::Zero();
-  by_pose_.resize(seen_.size());
+  turned_.resize(seen_.size());
   for (size_t i = 0; i < seen_.size(); ++i) {
     const PointView& view = seen_[i];
-    by_pose_[i] = views_.ByPose(view.frame, point_);
+    turned_[i] = views_.Turned(view.frame, point_);
     by_point.noalias() += views_.frame(view.frame).linear.transpose() * view.gradient;
-    Eigen::Map<Vector6>(gradient + layout.pose(view.frame)).noalias() +=
-        by_pose_[i].transpose() * view.gradient;
+    Eigen::Map<Vector6>(gradient + layout.pose(view.frame)) += ByTwist(scales_, turned_[i], view.gradient);
     if (want_.focal) gradient[layout.log_focal()] += Views::ByLogFocal(view.position).dot(view.gradient);
   }
   if (want_.style) AddRow(by_point, x, styles, gradient + layout.style());
@@ -172,30 +203,32 @@ void PointSystem::Finish(NormalEquations* sums) {
   by_style_.resize(seen_.size());
   with_focal_by_position_.resize(seen_.size());
   for (size_t i = 0; i < seen_.size(); ++i) {
-    const PointView& view = seen_[i];
+    PointView& view = seen_[i];
+    if (view.by_colour != 0.0) {
+      AddProduct(view.by_colour, view.colour_by_position, view.colour_by_position, &view.curvature);
+    }
     by_style_[i].noalias() = view.curvature * views_.frame(view.frame).linear;
     if (want_.focal) {
       with_focal_by_position_[i].noalias() = view.curvature * Views::ByLogFocal(view.position);
     }
-    const Matrix36 curved = Times(view.curvature, by_pose_[i]);
     const int at = layout.pose(view.frame);
-    AddProduct(by_pose_[i], curved, at, at, &matrix);
+    AddTwists(scales_, turned_[i], turned_[i], view.curvature, at, at, &matrix);
   }
   for (const PairBlock& pair : pairs_) {
     const auto a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
     const PointView &view_a = seen_[a], &view_b = seen_[b];
+    const Matrix3 turned_over = pair.curvature.transpose();
     by_style_[a].noalias() += pair.curvature * views_.frame(view_b.frame).linear;
-    by_style_[b].noalias() += pair.curvature.transpose() * views_.frame(view_a.frame).linear;
+    by_style_[b].noalias() += turned_over * views_.frame(view_a.frame).linear;
     if (want_.focal) {
       with_focal_by_position_[a].noalias() += pair.curvature * Views::ByLogFocal(view_b.position);
-      with_focal_by_position_[b].noalias() += pair.curvature.transpose() * Views::ByLogFocal(view_a.position);
+      with_focal_by_position_[b].noalias() += turned_over * Views::ByLogFocal(view_a.position);
     }
+    const int at_a = layout.pose(view_a.frame), at_b = layout.pose(view_b.frame);
     if (view_a.frame < view_b.frame) {
-      const Matrix36 curved = Times(pair.curvature, by_pose_[b]);
-      AddProduct(by_pose_[a], curved, layout.pose(view_a.frame), layout.pose(view_b.frame), &matrix);
+      AddTwists(scales_, turned_[a], turned_[b], pair.curvature, at_a, at_b, &matrix);
     } else {
-      const Matrix36 curved = Times(pair.curvature.transpose(), by_pose_[a]);
-      AddProduct(by_pose_[b], curved, layout.pose(view_b.frame), layout.pose(view_a.frame), &matrix);
+      AddTwists(scales_, turned_[b], turned_[a], turned_over, at_b, at_a, &matrix);
     }
   }
 
@@ -207,17 +240,17 @@ void PointSystem::Finish(NormalEquations* sums) {
     const int at = layout.pose(view.frame);
     by_point_twice.noalias() += linear.transpose() * by_style_[i];
     if (want_.style) {
-      const Eigen::Matrix<double, 6, 3> with_point = by_pose_[i].transpose() * by_style_[i];
-      for (int r = 0; r < 6; ++r) {
-        AddRow(with_point.row(r), x, styles, &matrix(at + r, layout.style()));
+      Matrix36 with_point;
+      for (int c = 0; c < 3; ++c) {
+        with_point.row(c) = ByTwist(scales_, turned_[i], by_style_[i].col(c)).transpose();
       }
+      AddRows(with_point, x, styles, &matrix(at, layout.style()), layout.size());
     }
-    matrix.block<6, 1>(at, layout.log_alpha()).noalias() += by_pose_[i].transpose() * view.with_alpha;
+    matrix.block<6, 1>(at, layout.log_alpha()) += ByTwist(scales_, turned_[i], view.with_alpha);
     alpha_by_point.noalias() += linear.transpose() * view.with_alpha;
     if (want_.focal) {
       const Vector3 by_focal = Views::ByLogFocal(view.position);
-      matrix.block<6, 1>(at, layout.log_focal()).noalias() +=
-          by_pose_[i].transpose() * with_focal_by_position_[i];
+      matrix.block<6, 1>(at, layout.log_focal()) += ByTwist(scales_, turned_[i], with_focal_by_position_[i]);
       focal_by_point.noalias() += linear.transpose() * with_focal_by_position_[i];
       matrix(layout.log_focal(), layout.log_focal()) += by_focal.dot(with_focal_by_position_[i]);
       matrix(layout.log_alpha(), layout.log_focal()) += by_focal.dot(view.with_alpha);

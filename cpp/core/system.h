@@ -53,8 +53,18 @@ struct PointView {
   Matrix3 colour_by_position;
 
   Vector3 gradient;    // of the cost by the position
-  Matrix3 curvature;   // by the position twice
+  Matrix3 curvature;   // by the position twice, but for
+  double by_colour;    // times the square of colour_by_position
   Vector3 with_alpha;  // by the position and log alpha
+};
+
+// The derivative of a position in the camera by a twist [omega; t] is [-diag(turn) [R x]x,
+// diag(translation)].
+struct TwistScales {
+  Vector3 turn, translation;
+  explicit TwistScales(const Views& views)
+      : turn(views.focal(), views.focal(), views.weak_perspective() ? 0.0 : 1.0),
+        translation(views.focal(), views.focal(), 1.0) {}
 };
 
 // Collects the residuals of one point after another: first as 3-vectors and 3 x 3 blocks between the cameras
@@ -73,7 +83,6 @@ class PointSystem {
   void Flush(NormalEquations* sums);
 
   bool with_derivatives() const { return want_.derivatives(); }
-  const Views& views() const { return views_; }
   Costs& costs() { return costs_; }
 
   // How camera l sees the point. Holds until Finish.
@@ -88,10 +97,10 @@ class PointSystem {
            const Eigen::Matrix<double, kResiduals, 3>& by_position) {
     view->gradient.noalias() += by_position.transpose() * weighed.slope;
     if (!want_.normal_matrix()) return;
-    const Vector3 along = by_position.transpose() * residual;
-    view->curvature.noalias() += weighed.across * (by_position.transpose() * by_position);
+    AddProduct(weighed.across, by_position, by_position, &view->curvature);
     if (weighed.less_along != 0.0) {
-      view->curvature.noalias() -= weighed.across * weighed.less_along * (along * along.transpose());
+      const Eigen::Matrix<double, 1, 3> along = residual.transpose() * by_position;
+      AddProduct(-weighed.across * weighed.less_along, along, along, &view->curvature);
     }
   }
   // One that log alpha moves too.
@@ -106,12 +115,25 @@ class PointSystem {
     Matrix3 curvature;
   };
   int Slot(int l);
+  // matrix += weight a^T b, written out: Eigen makes a call of it.
+  template <int kRows>
+  static void AddProduct(double weight, const Eigen::Matrix<double, kRows, 3>& a,
+                         const Eigen::Matrix<double, kRows, 3>& b, Matrix3* matrix) {
+    for (int c = 0; c < 3; ++c) {
+      for (int r = 0; r < 3; ++r) {
+        double sum = 0.0;
+        for (int k = 0; k < kRows; ++k) sum += a(k, r) * b(k, c);
+        (*matrix)(r, c) += weight * sum;
+      }
+    }
+  }
   void FlushStyles(NormalEquations* sums);
 
   const Views& views_;
   const Footage& footage_;
   const int level_;
   const Want want_;
+  const TwistScales scales_;
   Costs costs_{};
 
   int point_ = 0;
@@ -124,7 +146,7 @@ class PointSystem {
   int batched_ = 0;
   RowMajorMatrix batch_x_, batch_vx_;
   std::vector<Matrix3> by_style_;  // by slot: curvature of the position there and the object's point
-  std::vector<Matrix36> by_pose_;  // by slot
+  std::vector<Vector3> turned_;    // by slot: R x
   std::vector<Vector3> with_focal_by_position_;  // by slot
 };
 

@@ -38,8 +38,7 @@ bool Views::InFront() const {
 Matrix36 Views::ByPose(int l, int j) const {
   Matrix36 jacobian;
   // A turn by omega moves the turned point v by omega x v.
-  jacobian.leftCols<3>() =
-      -CrossProduct(variables_.camera_from_object[static_cast<size_t>(l)].rotation * Point(j));
+  jacobian.leftCols<3>() = -CrossProduct(Turned(l, j));
   if (weak_perspective_) jacobian.row(2).setZero();
   jacobian.rightCols<3>().setIdentity();
   jacobian.topRows<2>() *= focal_;

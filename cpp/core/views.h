@@ -41,6 +41,12 @@ class Views {
   const double* PointJacobian(int j) const {
     return jacobian_ + size_t{3} * static_cast<size_t>(j) * static_cast<size_t>(layout_.styles);
   }
+  double focal() const { return focal_; }
+  bool weak_perspective() const { return weak_perspective_; }
+  // Point j turned as camera l sees it, about the object's origin: R x.
+  Vector3 Turned(int l, int j) const {
+    return variables_.camera_from_object[static_cast<size_t>(l)].rotation * Point(j);
+  }
   // Point j in camera l.
   Vector3 InCamera(int l, int j) const { return frame(l).linear * Point(j) + frame(l).translation; }
   // Its derivative by the twist of camera l.

@@ -11,7 +11,9 @@ namespace {
 struct Matches {
   std::vector<Vector2> pixel_of_point;  // of the points in use
   std::vector<int> point_of_pixel;
-  PointLists<int> pixels;  // by point: the pixels whose nearest point it is
+  // By point: what pulls at it, farther away than the tolerance. Its own pixel comes first, as -1; the others
+  // are those whose nearest point it is.
+  PointLists<int> pulls;
 };
 
 class SilhouetteVisit : public Visit {
@@ -26,13 +28,12 @@ class SilhouetteVisit : public Visit {
     for (size_t l = 0; l < matches_.size(); ++l) {
       const SilhouetteShare& share = options_.frames[l];
       const Matches& matches = matches_[l];
-      const int frame = static_cast<int>(l);
-      if (j < share.points) {
-        Add(frame, matches.pixel_of_point[static_cast<size_t>(j)], share.point_weight, system);
-      }
-      if (share.pixels.empty()) continue;
-      for (const int* k = matches.pixels.begin(j); k != matches.pixels.end(j); ++k) {
-        Add(frame, share.pixels[static_cast<size_t>(*k)], share.pixel_weight, system);
+      if (matches.pulls.empty()) continue;
+      for (const int* k = matches.pulls.begin(j); k != matches.pulls.end(j); ++k) {
+        const bool own = *k < 0;
+        Add(static_cast<int>(l),
+            own ? matches.pixel_of_point[static_cast<size_t>(j)] : share.pixels[static_cast<size_t>(*k)],
+            own ? share.point_weight : share.pixel_weight, system);
       }
     }
   }
@@ -49,19 +50,27 @@ class SilhouetteVisit : public Visit {
     for (int j = 0; j < projected; ++j) {
       Project(frame.camera, views.InCamera(l, j).data(), at[static_cast<size_t>(j)].data());
     }
+    const double tolerance = options_.tolerance;
+    std::vector<int> pulls, points;
+    const auto match = [&](const Vector2& pixel, int k, int j) {
+      if ((at[static_cast<size_t>(j)] - pixel).squaredNorm() <= tolerance * tolerance) return;
+      pulls.push_back(k);
+      points.push_back(j);
+    };
     matches.pixel_of_point.reserve(static_cast<size_t>(share.points));
     for (int j = 0; j < share.points; ++j) {
-      matches.pixel_of_point.push_back(
-          frame.silhouette->Nearest(at[static_cast<size_t>(j)], options_.tolerance));
+      matches.pixel_of_point.push_back(frame.silhouette->Nearest(at[static_cast<size_t>(j)], tolerance));
+      match(matches.pixel_of_point.back(), -1, j);
     }
-    if (share.pixels.empty()) return;
-    const PointGrid grid(at);
-    matches.point_of_pixel.reserve(share.pixels.size());
-    for (const Vector2& pixel : share.pixels)
-      matches.point_of_pixel.push_back(grid.Nearest(pixel, options_.tolerance));
-    std::vector<int> indices(share.pixels.size());
-    for (size_t k = 0; k < indices.size(); ++k) indices[k] = static_cast<int>(k);
-    matches.pixels = PointLists<int>(projected, indices, [&](size_t k) { return matches.point_of_pixel[k]; });
+    if (!share.pixels.empty()) {
+      const PointGrid grid(at);
+      matches.point_of_pixel.reserve(share.pixels.size());
+      for (size_t k = 0; k < share.pixels.size(); ++k) {
+        matches.point_of_pixel.push_back(grid.Nearest(share.pixels[k], tolerance));
+        match(share.pixels[k], static_cast<int>(k), matches.point_of_pixel.back());
+      }
+    }
+    matches.pulls = PointLists<int>(views.point_count(), pulls, [&](size_t i) { return points[i]; });
   }
 
   void Add(int l, const Vector2& pixel, double side_weight, PointSystem* system) const {
@@ -79,8 +88,6 @@ class SilhouetteVisit : public Visit {
     const Jet position[3] = {Jet(view.position[0], 0), Jet(view.position[1], 1), Jet(view.position[2], 2)};
     Jet output(kNotEvaluated);
     error(position, &output);
-    // Within the tolerance nothing pulls.
-    if (output.a == 0.0) return;
     const Eigen::Matrix<double, 1, 1> residual(output.a);
     const Weighed<1> weighed(loss_, weight, residual);
     system->costs()[kSilhouette] += weighed.cost;
