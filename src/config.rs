@@ -131,13 +131,19 @@ pub enum ConfigError {
 }
 
 /// Keys that TOML cannot express while they have no value: section, key, a value, what its absence means.
-const ABSENT: [(&str, &str, &str, &str); 3] = [
+const ABSENT: [(&str, &str, &str, &str); 4] = [
     ("input", "depth", "\"openmvs\"", "no openMVS depth"),
     ("input", "target", "0", "the middle one of the frames in use"),
     (
         "objective",
         "motion_deviation",
-        "0.005",
+        "0.001",
+        "what the sequence says of itself, or 0 where it says nothing",
+    ),
+    (
+        "objective",
+        "focal_deviation",
+        "0.1",
         "what the sequence says of itself, or 0 where it says nothing",
     ),
 ];

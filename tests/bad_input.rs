@@ -210,11 +210,16 @@ fn intrinsics() {
 
 #[test]
 fn poses() {
-    for value in ["-0.005", "0", "nan", "inf"] {
-        let scene = Scene::sequence();
-        let line = format!("schema = 1\nmotion_deviation = {value}\n");
-        scene.edit("sequence.toml", "schema = 1\n", &line);
-        scene.refused(&["sequence.toml: motion_deviation:", "is no length", "more than 0"]);
+    for (field, what) in [
+        ("motion_deviation", "is no length"),
+        ("focal_deviation", "is no share"),
+    ] {
+        for value in ["-0.005", "0", "nan", "inf"] {
+            let scene = Scene::sequence();
+            let line = format!("schema = 1\n{field} = {value}\n");
+            scene.edit("sequence.toml", "schema = 1\n", &line);
+            scene.refused(&[&format!("sequence.toml: {field}:"), what, "more than 0"]);
+        }
     }
     let scene = Scene::sequence();
     scene.edit("sequence.toml", "rotation = [[1.0", "rotation = [[1.1");

@@ -62,7 +62,7 @@ fn rendered() -> (Surface, Sequence, Estimate) {
         .enumerate()
         .map(|(i, (pose, view))| Frame {
             name: format!("{i:03}.png"),
-            image: Grid::filled(128, 96, [90.0; 3]),
+            image: Grid::filled(128, 96, [90.0; 3]).into(),
             mask: view.mask(),
             camera,
             timestamp_s: Some(i as f64),
@@ -77,6 +77,7 @@ fn rendered() -> (Surface, Sequence, Estimate) {
         name: "ellipsoid".into(),
         frames: frames.collect(),
         motion_deviation: None,
+        focal_deviation: None,
         truth: Some(Truth {
             camera_from_object: poses.clone(),
             depth: views.iter().map(|view| view.depth.clone()).collect(),

@@ -188,7 +188,7 @@ fn solve_makes_its_sequence_anew_where_options_changed() {
         let said = String::from_utf8(output.stdout).unwrap();
         let sequence = load(&folder.path().join("images.sequence"));
         let config = std::fs::read_to_string(folder.path().join(out).join("config.toml")).unwrap();
-        assert!(config.contains("motion_deviation = 0.005"), "{config}");
+        assert!(config.contains("motion_deviation = 0.001"), "{config}");
         (
             said.contains("made of this input already"),
             sequence.frames[0].camera.fx,

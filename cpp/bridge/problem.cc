@@ -140,18 +140,20 @@ void FromCore(const spba::Variables& core, Variables* variables) {
 }  // namespace
 
 Footage::Footage(rust::Vec<FrameFootage> frames) : frames_(std::move(frames)) {
-  for (const FrameFootage& frame : frames_) {
+  for (FrameFootage& frame : frames_) {
     spba::FrameFootage& own = core_.frames.emplace_back();
     own.camera = ToCore(frame.camera);
-    for (const bridge::LevelImage& image : frame.levels) {
-      Require(
-          image.width > 0 && image.height > 0 && image.rgb.size() == size_t{3} * image.width * image.height,
-          "an image's data must be width x height x 3");
-      own.levels.push_back(std::make_unique<spba::LevelImage>(ToCore(image.camera), image.rgb.data(),
-                                                              static_cast<int>(image.width),
-                                                              static_cast<int>(image.height)));
+    for (const bridge::LevelImage& level : frame.levels) {
+      const rust::Slice<const float> rgb = level.image->rgb();
+      const size_t width = level.image->width(), height = level.image->height();
+      Require(width > 0 && height > 0 && rgb.size() == 3 * width * height,
+              "an image's data must be width x height x 3");
+      own.levels.push_back(std::make_unique<spba::LevelImage>(
+          ToCore(level.camera), rgb.data(), static_cast<int>(width), static_cast<int>(height)));
     }
     own.silhouette = ToCore(frame.silhouette);
+    // Copied; not to be held twice.
+    frame.silhouette.nearest = {};
   }
 }
 
@@ -309,30 +311,28 @@ std::unique_ptr<Visibility> new_visibility(const Problem& problem, const Visibil
     Require(pair.a < frames && pair.b < frames && pair.a != pair.b, "a pair is of two of the frames");
     visibility.pairs.push_back({pair.a, pair.b, pair.weight});
   }
-  std::vector<spba::Comparison> comparisons;
-  comparisons.reserve(input.comparisons.size());
   for (const bridge::Comparison& comparison : input.comparisons) {
     Require(comparison.point < static_cast<uint32_t>(points), "no such point");
     Require(comparison.pair < visibility.pairs.size(), "no such pair");
-    comparisons.push_back({comparison.pair, comparison.directions});
   }
-  visibility.comparisons =
-      PointLists<spba::Comparison>(points, comparisons, [&](size_t i) { return input.comparisons[i].point; });
-  std::vector<spba::SeenDepth> depths;
-  depths.reserve(input.depths.size());
+  visibility.comparisons = PointLists<spba::Comparison>(
+      points, input.comparisons.size(), [&](size_t i) { return input.comparisons[i].point; },
+      [&](size_t i) {
+        return spba::Comparison{input.comparisons[i].pair, input.comparisons[i].directions};
+      });
   for (const bridge::SeenDepth& seen : input.depths) {
     Require(seen.point < static_cast<uint32_t>(points) && seen.frame < frames, "no such point or frame");
-    spba::SeenDepth& own = depths.emplace_back();
-    own.frame = seen.frame;
-    own.error.camera = footage.frames[seen.frame].camera;
-    own.error.pixel[0] = seen.column;
-    own.error.pixel[1] = seen.row;
-    own.error.inverse_depth = seen.inverse_depth;
-    own.error.slope[0] = seen.by_column;
-    own.error.slope[1] = seen.by_row;
   }
-  visibility.depths =
-      PointLists<spba::SeenDepth>(points, depths, [&](size_t i) { return input.depths[i].point; });
+  visibility.depths = PointLists<spba::SeenDepth>(
+      points, input.depths.size(), [&](size_t i) { return input.depths[i].point; },
+      [&](size_t i) {
+        const bridge::SeenDepth& seen = input.depths[i];
+        return spba::SeenDepth{seen.frame,
+                               {footage.frames[seen.frame].camera,
+                                {seen.column, seen.row},
+                                seen.inverse_depth,
+                                {seen.by_column, seen.by_row}}};
+      });
   return std::make_unique<Visibility>(std::move(visibility));
 }
 

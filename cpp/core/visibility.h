@@ -14,14 +14,14 @@ template <typename Item>
 class PointLists {
  public:
   PointLists() = default;
-  // `of_point(i)` = the point of items[i]. Items of one point keep their order.
-  template <typename OfPoint>
-  PointLists(int points, const std::vector<Item>& items, const OfPoint& of_point)
-      : first_(static_cast<size_t>(points) + 1, 0), items_(items.size()) {
-    for (size_t i = 0; i < items.size(); ++i) ++first_[static_cast<size_t>(of_point(i)) + 1];
+  // `item(i)` of the point `of_point(i)`, i < count. Items of one point keep their order.
+  template <typename OfPoint, typename MakeItem>
+  PointLists(int points, size_t count, const OfPoint& of_point, const MakeItem& item)
+      : first_(static_cast<size_t>(points) + 1, 0), items_(count) {
+    for (size_t i = 0; i < count; ++i) ++first_[static_cast<size_t>(of_point(i)) + 1];
     for (size_t j = 1; j < first_.size(); ++j) first_[j] += first_[j - 1];
     std::vector<uint32_t> next(first_.begin(), first_.end() - 1);
-    for (size_t i = 0; i < items.size(); ++i) items_[next[static_cast<size_t>(of_point(i))]++] = items[i];
+    for (size_t i = 0; i < count; ++i) items_[next[static_cast<size_t>(of_point(i))]++] = item(i);
   }
 
   bool empty() const { return items_.empty(); }

@@ -108,7 +108,9 @@ struct Scene {
         of.push_back(j);
       }
     }
-    visibility.comparisons = PointLists<Comparison>(kPoints, comparisons, [&](size_t i) { return of[i]; });
+    visibility.comparisons = PointLists<Comparison>(
+        kPoints, comparisons.size(), [&](size_t i) { return of[i]; },
+        [&](size_t i) { return comparisons[i]; });
     std::vector<SeenDepth> depths;
     of.clear();
     for (int j = 0; j < kPoints; j += 2) {
@@ -117,7 +119,8 @@ struct Scene {
         of.push_back(j);
       }
     }
-    visibility.depths = PointLists<SeenDepth>(kPoints, depths, [&](size_t i) { return of[i]; });
+    visibility.depths = PointLists<SeenDepth>(
+        kPoints, depths.size(), [&](size_t i) { return of[i]; }, [&](size_t i) { return depths[i]; });
   }
 
   void AddMask(int l, FrameFootage* frame) {

@@ -1,5 +1,6 @@
 //! Eq. 9 and its minimisation with Ceres. C++ knows cameras, images, points and indices; no file, no prior, no config.
 
+use crate::image::RgbImage;
 use crate::prior::ShapePrior;
 use std::sync::Arc;
 
@@ -16,10 +17,7 @@ pub mod ffi {
 
     /// A frame's image at one pyramid level, and that level's camera.
     struct LevelImage {
-        width: u32,
-        height: u32,
-        /// height × width × 3, in [0, 255].
-        rgb: Vec<f32>,
+        image: Box<Colours>,
         camera: Camera,
     }
 
@@ -269,6 +267,12 @@ pub mod ffi {
     }
 
     extern "Rust" {
+        type Colours;
+        fn width(self: &Colours) -> usize;
+        fn height(self: &Colours) -> usize;
+        /// height × width × 3, in [0, 255].
+        fn rgb(self: &Colours) -> &[f32];
+
         type PriorCallback;
         /// N.
         fn point_count(self: &PriorCallback) -> usize;
@@ -334,6 +338,23 @@ pub mod ffi {
 unsafe impl Send for ffi::Footage {}
 // SAFETY: as above.
 unsafe impl Sync for ffi::Footage {}
+
+/// An image as C++ borrows it.
+pub struct Colours(pub Arc<RgbImage>);
+
+impl Colours {
+    fn width(&self) -> usize {
+        self.0.width()
+    }
+
+    fn height(&self) -> usize {
+        self.0.height()
+    }
+
+    fn rgb(&self) -> &[f32] {
+        self.0.data().as_flattened()
+    }
+}
 
 /// How C++ asks for X(s) and ∂X/∂s.
 pub struct PriorCallback {

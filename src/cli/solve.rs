@@ -108,18 +108,23 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .context("threads")?;
 
     let (learned, prior_info) = prior::open(&config.prior)?;
+    let learned = Arc::new(learned);
+    let prior: Arc<dyn ShapePrior> = learned.clone();
     #[cfg(feature = "vision")]
     let prepared = &prepared(input, out, &args.raw, &prior_info.category)?;
     #[cfg(not(feature = "vision"))]
     let prepared = input;
     let began = Instant::now();
     let mut sequence = read(prepared, &config.input.load_options()?)?;
-    let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
     let loading_seconds = began.elapsed().as_secs_f64();
 
     // The result's configuration says what was held, not where that came from.
-    let deviation = config.objective.motion_deviation.or(sequence.motion_deviation);
-    config.objective.motion_deviation = Some(deviation.unwrap_or(0.0));
+    for (held, said) in [
+        (&mut config.objective.motion_deviation, sequence.motion_deviation),
+        (&mut config.objective.focal_deviation, sequence.focal_deviation),
+    ] {
+        *held = Some(held.or(said).unwrap_or(0.0));
+    }
 
     let style = start_style(&sequence, &learned, &prior_info, &config.start.style)?;
     let target = config.input.target_of(sequence.frames.len())?;

@@ -3,19 +3,12 @@
 //! pixels 2i and 2i + 1, also where an odd size leaves the last one half empty.
 
 use super::{DepthMap, Grid, Mask, RgbImage};
+use std::sync::Arc;
 
 /// `image` and its `levels` − 1 halvings, finest first; at least the image itself.
-pub fn pyramid(image: RgbImage, levels: usize) -> Vec<RgbImage> {
-    build(image, levels, halve_image)
-}
-
-fn build<T>(finest: T, levels: usize, halve: impl Fn(&T) -> T) -> Vec<T> {
-    let mut pyramid = vec![finest];
-    while pyramid.len() < levels {
-        let Some(last) = pyramid.last() else { break };
-        pyramid.push(halve(last));
-    }
-    pyramid
+pub fn pyramid(image: Arc<RgbImage>, levels: usize) -> Vec<Arc<RgbImage>> {
+    let halvings = std::iter::successors(Some(image), |last| Some(Arc::new(halve_image(last))));
+    halvings.take(levels.max(1)).collect()
 }
 
 /// Binomial low-pass (1 3 3 1)/8 per axis, then every second sample. The kernel is even, so its centre lies on
@@ -87,7 +80,10 @@ mod tests {
 
     #[test]
     fn odd_sizes_round_up() {
-        let sizes: Vec<_> = pyramid(linear(37, 22), 4).iter().map(Grid::size).collect();
+        let sizes: Vec<_> = pyramid(Arc::new(linear(37, 22)), 4)
+            .iter()
+            .map(|image| image.size())
+            .collect();
         assert_eq!(sizes, [(37, 22), (19, 11), (10, 6), (5, 3)]);
     }
 
@@ -119,7 +115,7 @@ mod tests {
             cx: 80.0,
             cy: 61.0,
         };
-        for (level, coarse) in pyramid(image, 3).iter().enumerate() {
+        for (level, coarse) in pyramid(Arc::new(image), 3).iter().enumerate() {
             let scale = 0.5f64.powi(level as i32);
             let camera_at_level = camera.scaled(scale, scale);
             for i in 0..200 {

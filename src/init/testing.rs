@@ -110,7 +110,7 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
         };
         Frame {
             name: format!("frame-{index}"),
-            image: RgbImage::filled(SIZE.0, SIZE.1, [0.0; 3]),
+            image: RgbImage::filled(SIZE.0, SIZE.1, [0.0; 3]).into(),
             mask: Mask::from_fn(SIZE.0, SIZE.1, |c, r| depth[(c, r)].is_some()),
             camera: CAMERA,
             timestamp_s: None,
@@ -125,6 +125,7 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
         name: "box-car".into(),
         frames: frames.collect(),
         motion_deviation: None,
+        focal_deviation: None,
         truth: None,
     }
 }

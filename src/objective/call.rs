@@ -65,7 +65,7 @@ impl Call {
             },
             free_style: all || self.block == Block::Style,
             free_alpha: self.free_alpha,
-            free_focal: all && objective.options.focal_deviation > 0.0,
+            free_focal: all && objective.options.focal_deviation > Some(0.0),
             target: objective.target as u32,
             blocks: self.evaluation == Evaluation::Blocks,
             line_search,

@@ -2,7 +2,7 @@
 
 use super::ObjectiveError;
 use super::inverse_depth::KnownDepths;
-use crate::bridge::ceres::ffi;
+use crate::bridge::ceres::{Colours, ffi};
 use crate::geometry::Pinhole;
 use crate::image::{NearestPixel, pyramid};
 use crate::sequence::Sequence;
@@ -40,10 +40,8 @@ impl<'a> Footage<'a> {
                     .map(|(level, image)| {
                         let scale = 0.5f64.powi(level as i32);
                         ffi::LevelImage {
-                            width: image.width() as u32,
-                            height: image.height() as u32,
                             camera: camera(&frame.camera.scaled(scale, scale)),
-                            rgb: image.into_data().into_flattened(),
+                            image: Box::new(Colours(image)),
                         }
                     })
                     .collect(),

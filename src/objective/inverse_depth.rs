@@ -178,7 +178,7 @@ mod tests {
     fn frame(depth: impl Fn(usize, usize) -> f32) -> Frame {
         Frame {
             name: "0".into(),
-            image: RgbImage::from_fn(9, 8, |_, _| [0.0; 3]),
+            image: RgbImage::from_fn(9, 8, |_, _| [0.0; 3]).into(),
             mask: Mask::from_fn(9, 8, |column, _| column < 8),
             camera: Pinhole {
                 fx: 9.0,

@@ -103,6 +103,8 @@ impl<'a> Objective<'a> {
         let targets = limit(options.silhouette_targets, prior.point_count());
         let options = ObjectiveOptions {
             points,
+            motion_deviation: options.motion_deviation.or(sequence.motion_deviation),
+            focal_deviation: options.focal_deviation.or(sequence.focal_deviation),
             ..options.clone()
         };
         let problem = ffi::new_problem(
@@ -300,10 +302,9 @@ fn terms(
     alpha: f64,
 ) -> ffi::Terms {
     let frames = sequence.frames.len();
-    let held = options
-        .motion_deviation
-        .or(sequence.motion_deviation)
-        .filter(|&deviation| deviation > 0.0);
+    let held = options.motion_deviation.filter(|&deviation| deviation > 0.0);
+    let pairs = options.pairs.of(frames, target);
+    let share_of_pair = (frames - 1) as f64 / pairs.len() as f64;
     let unit_px = silhouette::unit_px(&sequence.frames, options.silhouette_size);
     ffi::Terms {
         photometric: ffi::PhotometricTerm {
@@ -329,34 +330,32 @@ fn terms(
             reach: options.style_reach * (styles as f64).sqrt(),
         },
         motion: ffi::MotionTerm {
-            weight: held.map_or(0.0, |deviation| MOTION_WEIGHT / deviation.powi(2)),
+            weight: held.map_or(0.0, |deviation| share_of_pair * MOTION_WEIGHT / deviation.powi(2)),
             cauchy_width: MOTION_CAUCHY * held.unwrap_or(1.0),
-            motions: known_motions(sequence, target, alpha),
+            motions: known_motions(sequence, &pairs, alpha),
         },
         focal: ffi::FocalTerm {
-            deviation: options.focal_deviation,
+            deviation: options.focal_deviation.unwrap_or(0.0),
         },
         weak_perspective: options.weak_perspective,
     }
 }
 
-/// From the target to every source frame, where the off-the-shelf reconstruction holds both.
-fn known_motions(sequence: &Sequence, target: usize, input_unit: f64) -> Vec<ffi::KnownMotion> {
+/// Of the pairs that are compared, where the off-the-shelf reconstruction holds both frames.
+fn known_motions(sequence: &Sequence, pairs: &[(usize, usize)], input_unit: f64) -> Vec<ffi::KnownMotion> {
     let frames = &sequence.frames;
-    let Some(target_from_input) = frames[target].camera_from_input else {
-        return Vec::new();
-    };
-    let sources = frames.iter().enumerate().filter(|&(l, _)| l != target);
-    sources
-        .filter_map(|(l, frame)| {
-            let source_from_target = frame.camera_from_input?.after(&target_from_input.inverse());
+    pairs
+        .iter()
+        .filter_map(|&(a, b)| {
+            let b_from_input = frames[b].camera_from_input?;
+            let b_from_a = b_from_input.after(&frames[a].camera_from_input?.inverse());
             let mut rotation = [0.0; 9];
-            rotation.copy_from_slice(source_from_target.rotation.matrix().transpose().as_slice());
+            rotation.copy_from_slice(b_from_a.rotation.matrix().transpose().as_slice());
             Some(ffi::KnownMotion {
-                a: target as u32,
-                b: l as u32,
+                a: a as u32,
+                b: b as u32,
                 rotation,
-                translation: (input_unit * source_from_target.translation).into(),
+                translation: (input_unit * b_from_a.translation).into(),
             })
         })
         .collect()

@@ -43,12 +43,12 @@ pub struct ObjectiveOptions {
     /// 300,000 is 1.6 long. Where light and masks deceive, the shape runs farther without. 0 means no such wall.
     pub style_reach: f64,
     /// Standard deviation, in diagonals, of where the off-the-shelf poses and α (Eq. 13) take the object's points between two
-    /// frames: Δp_l is held to them as closely as that. None means what the sequence says of itself; 0 holds nothing, as in the
+    /// frames of a pair: the motion is held to them as closely as that. None means what the sequence says of itself; 0 holds nothing, as in the
     /// paper, for which those poses are but a start.
     pub motion_deviation: Option<f64>,
-    /// Standard deviation of the logarithm of one factor for all focal lengths, which the solver then finds; 0 keeps the
-    /// focal lengths as they are.
-    pub focal_deviation: f64,
+    /// Standard deviation of the logarithm of one factor for all focal lengths, which the solver then finds. None means what the
+    /// sequence says of itself; 0 keeps the focal lengths as they are.
+    pub focal_deviation: Option<f64>,
     /// Points project as if all had the depth of the object's origin, as in Zhu et al. There is no depth of single
     /// points then, so the inverse-depth term must have no weight. Visibility stays that of the perspective camera.
     pub weak_perspective: bool,
@@ -118,7 +118,8 @@ const CAUTIOUS_STYLE: f64 = 10.0;
 /// Of a thinned shape, so many points for each in use are there for the silhouettes' pixels: fewer leave gaps within.
 const TARGETS_A_POINT: usize = 4;
 
-/// Weight of a mean over frames: squared distances in deviations between Δp_l and the off-the-shelf motion.
+/// Weight of a mean over frames: squared distances in deviations from the off-the-shelf motion. However many pairs there are,
+/// they weigh as much as the paper's star of as many frames.
 pub(super) const MOTION_WEIGHT: f64 = 2500.0;
 /// Cauchy scale in deviations: single off-the-shelf poses are wrong.
 pub(super) const MOTION_CAUCHY: f64 = 6.0;
@@ -145,7 +146,7 @@ impl Default for ObjectiveOptions {
             style_weight: 3.0,
             style_reach: 1.6,
             motion_deviation: None,
-            focal_deviation: 0.0,
+            focal_deviation: None,
             weak_perspective: false,
             points: 8192,
             silhouette_pixels: 2000,
@@ -204,7 +205,7 @@ impl ObjectiveOptions {
             ("style_weight", self.style_weight),
             ("style_reach", self.style_reach),
             ("motion_deviation", self.motion_deviation.unwrap_or_default()),
-            ("focal_deviation", self.focal_deviation),
+            ("focal_deviation", self.focal_deviation.unwrap_or_default()),
             ("silhouette_cauchy", self.silhouette_cauchy),
             ("silhouette_tolerance", self.silhouette_tolerance),
             ("silhouette_size", self.silhouette_size),

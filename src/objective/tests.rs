@@ -82,7 +82,8 @@ fn sequence(frames: usize) -> Sequence {
                     120.0 + 80.0 * (0.07 * x + 0.09 * y + l).cos(),
                     100.0 + 60.0 * (0.13 * y - 0.2 * l).sin(),
                 ]
-            }),
+            })
+            .into(),
             mask: Mask::from_fn(width, height, |c, r| {
                 (c as f64 - 46.0 - l as f64).hypot(r as f64 - 40.0) < 24.0
             }),
@@ -99,6 +100,7 @@ fn sequence(frames: usize) -> Sequence {
         name: "synthetic".into(),
         frames,
         motion_deviation: None,
+        focal_deviation: None,
         truth: None,
     }
 }
@@ -214,7 +216,7 @@ const ACCURACY: f64 = 1e-5;
 fn assert_gradient(options: &ObjectiveOptions, at: &Estimate) {
     let sequence = sequence(at.frame_count());
     let options = ObjectiveOptions {
-        focal_deviation: 0.1,
+        focal_deviation: Some(0.1),
         ..options.clone()
     };
     let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, at);
@@ -286,12 +288,13 @@ fn motion_is_held_to_the_off_the_shelf_poses() {
         value(&sequence, &options, at).motion
     };
     assert!(value(&at, None) < 1e-20);
-    // Both source frames see the object so far off, in a third of three frames each.
+    // Both source frames see the object so far off: two of three pairs.
     let mut off = at.clone();
     for pose in &mut off.camera_from_object[1..] {
         pose.translation += Vector3::new(0.0, 0.02, 0.0);
     }
-    let known = |deviations: f64| 2.0 / 3.0 * 0.5 * 2500.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
+    let known =
+        |deviations: f64| 2.0 / 3.0 * (2.0 / 3.0) * 0.5 * 2500.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
     for (deviation, deviations) in [(None, 2.0), (Some(0.002), 10.0)] {
         let found = value(&off, deviation);
         assert!(
@@ -591,7 +594,7 @@ fn a_focal_length_off_by_a_tenth_is_found() {
         o.silhouette_weight = 1.0;
         o.inverse_depth_weight = 1e6;
         o.style_weight = 1.0;
-        o.focal_deviation = 0.2;
+        o.focal_deviation = Some(0.2);
     });
     let footage = Footage::new(&sequence, 1).unwrap();
     let mut found = Estimate {

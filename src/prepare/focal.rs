@@ -52,6 +52,14 @@ impl FocalSource {
         }
     }
 
+    /// What of that is left to whoever has more evidence than features, as the solver: one who gives a focal length means it.
+    pub fn left_open(self) -> Option<f64> {
+        match self {
+            Self::Flag => None,
+            Self::Exif | Self::Refined => Some(0.1),
+        }
+    }
+
     pub fn words(self) -> &'static str {
         match self {
             Self::Flag => "from --focal",

@@ -140,7 +140,7 @@ mod tests {
         });
         let frame = Frame {
             name: "a".into(),
-            image,
+            image: image.into(),
             // The object's right edge is masked away.
             mask: Grid::from_fn(40, 40, |column, _| column < 26),
             camera: Pinhole {

@@ -86,7 +86,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
         let input = pose.after(&input_in_object);
         Frame {
             name: format!("frame_{i:03}.png"),
-            image: Grid::from_fn(320, 200, |column, row| shade(surface, view, (column, row))),
+            image: Grid::from_fn(320, 200, |column, row| shade(surface, view, (column, row))).into(),
             mask: view.mask(),
             camera,
             timestamp_s: Some(0.5 * i as f64),
@@ -102,6 +102,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
         name: "box car".into(),
         frames: frames.collect(),
         motion_deviation: None,
+        focal_deviation: None,
         truth: Some(Truth {
             camera_from_object: poses.clone(),
             depth: views.iter().map(|view| view.depth.clone()).collect(),

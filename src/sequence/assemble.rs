@@ -29,7 +29,7 @@ impl Parts {
     /// The frame and its truth; `None` unless image and mask are there.
     pub fn into_frame(self) -> Option<(Frame, Option<(Pose, DepthMap)>)> {
         let frame = Frame {
-            image: self.image?,
+            image: self.image?.into(),
             mask: self.mask?,
             name: self.draft.name,
             camera: self.draft.camera,

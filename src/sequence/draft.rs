@@ -15,6 +15,8 @@ pub(super) struct Draft {
     pub frames: Vec<FrameDraft>,
     /// How well the poses are known, where the input says so.
     pub motion_deviation: Option<f64>,
+    /// How well the focal lengths are known, likewise.
+    pub focal_deviation: Option<f64>,
     /// Points of the true shape; with it, every frame has a truth of its own.
     pub truth_shape: Option<Vec<[f32; 3]>>,
     pub notes: Vec<String>,

@@ -66,6 +66,7 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
         listing,
         frames,
         motion_deviation,
+        focal_deviation,
         truth_shape,
         mut notes,
         mut problems,
@@ -99,6 +100,7 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
         name: name.clone(),
         frames,
         motion_deviation,
+        focal_deviation,
         truth,
     };
     Ok(Examination {

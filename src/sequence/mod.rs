@@ -31,6 +31,7 @@ pub use options::{FrameWindow, LoadOptions, WindowError};
 use crate::geometry::{Pinhole, Pose};
 use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Frames in order.
 #[derive(Clone, Debug)]
@@ -41,6 +42,9 @@ pub struct Sequence {
     /// Standard deviation, in diagonals of the object, of where the off-the-shelf poses take its points between two frames; None
     /// where nobody vouches for them.
     pub motion_deviation: Option<f64>,
+    /// Standard deviation of the logarithm of one factor for all focal lengths, which the solver then finds; None where
+    /// they are known.
+    pub focal_deviation: Option<f64>,
     /// Known only for sequences that were rendered; never read by the solver.
     pub truth: Option<Truth>,
 }
@@ -94,7 +98,8 @@ pub(crate) fn same_frame(a: &str, b: &str) -> bool {
 #[derive(Clone, Debug)]
 pub struct Frame {
     pub name: String,
-    pub image: RgbImage,
+    /// Shared with whoever looks at it for long, as the solver.
+    pub image: Arc<RgbImage>,
     pub mask: Mask,
     pub camera: Pinhole,
     pub timestamp_s: Option<f64>,

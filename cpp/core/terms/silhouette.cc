@@ -70,7 +70,9 @@ class SilhouetteVisit : public Visit {
         match(share.pixels[k], static_cast<int>(k), matches.point_of_pixel.back());
       }
     }
-    matches.pulls = PointLists<int>(views.point_count(), pulls, [&](size_t i) { return points[i]; });
+    matches.pulls = PointLists<int>(
+        views.point_count(), pulls.size(), [&](size_t i) { return points[i]; },
+        [&](size_t i) { return pulls[i]; });
   }
 
   void Add(int l, const Vector2& pixel, double side_weight, PointSystem* system) const {

@@ -80,6 +80,7 @@ pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError
         name: name.to_owned(),
         frames,
         motion_deviation: None,
+        focal_deviation: None,
         truth: Some(Truth {
             camera_from_object: shots.iter().map(|(view, _)| view.camera_from_object).collect(),
             depth,
@@ -133,7 +134,7 @@ fn expose(
         name: format!("{index:03}"),
         depth: Some(input::depth(scene, index, &image, &rendering)),
         depth_deviation: None,
-        image,
+        image: image.into(),
         mask: rendering.mask,
         camera: view.camera,
         timestamp_s: Some(index as f64 / scene.arc.frames_per_second),

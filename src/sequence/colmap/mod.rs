@@ -101,6 +101,7 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
         name: folder_name(input),
         kind: "COLMAP workspace",
         motion_deviation: None,
+        focal_deviation: None,
         listing: model.images_file,
         frames,
         truth_shape: None,

@@ -2,7 +2,8 @@
 //!
 //! ```toml
 //! schema = 1
-//! motion_deviation = 0.005     # optional: how well the poses below are known, in diagonals of the object
+//! motion_deviation = 0.001     # optional: how well the poses below are known, in diagonals of the object
+//! focal_deviation = 0.1        # optional: how well the focal lengths below are known, as a share of them
 //!
 //! [[frames]]
 //! name = "000"                 # unique

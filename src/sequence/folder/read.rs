@@ -20,15 +20,30 @@ pub fn draft(folder: &Path) -> Result<Draft, SequenceError> {
         problems: Vec::new(),
     };
     reader.check_names(&manifest.frames);
-    if let Some(deviation) = manifest.motion_deviation
-        && !(deviation.is_finite() && deviation > 0.0)
-    {
-        reader.problems.push(SequenceError::invalid(
-            &file,
+    for (field, deviation, what, unit) in [
+        (
             "motion_deviation",
-            format!("{deviation} is no length"),
-            "give it in diagonals of the object, more than 0, or leave it out",
-        ));
+            manifest.motion_deviation,
+            "no length",
+            "in diagonals of the object",
+        ),
+        (
+            "focal_deviation",
+            manifest.focal_deviation,
+            "no share",
+            "as a share of the focal length",
+        ),
+    ] {
+        if let Some(deviation) = deviation
+            && !(deviation.is_finite() && deviation > 0.0)
+        {
+            reader.problems.push(SequenceError::invalid(
+                &file,
+                field,
+                format!("{deviation} is {what}"),
+                format!("give it {unit}, more than 0, or leave it out"),
+            ));
+        }
     }
     let count = manifest.frames.len();
     let (truth_shape, truths) = match manifest.truth {
@@ -45,6 +60,7 @@ pub fn draft(folder: &Path) -> Result<Draft, SequenceError> {
         kind: "sequence folder",
         frames,
         motion_deviation: manifest.motion_deviation,
+        focal_deviation: manifest.focal_deviation,
         truth_shape,
         notes: Vec::new(),
         problems: reader.problems,

@@ -16,6 +16,7 @@ pub(super) struct Manifest {
     #[serde(rename = "schema")]
     _schema: u32,
     pub motion_deviation: Option<f64>,
+    pub focal_deviation: Option<f64>,
     pub frames: Vec<FrameEntry>,
     pub truth: Option<TruthEntry>,
 }

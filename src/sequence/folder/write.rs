@@ -44,9 +44,14 @@ pub fn write(sequence: &Sequence, target: &Path) -> Result<(), SequenceError> {
 fn fill(sequence: &Sequence, folder: &Path) -> Result<(), SequenceError> {
     let stems = file_stems(&sequence.frames);
     let mut manifest = header();
-    if let Some(deviation) = sequence.motion_deviation {
-        // Writing to a string cannot fail.
-        let _ = writeln!(manifest, "motion_deviation = {deviation:?}");
+    for (field, deviation) in [
+        ("motion_deviation", sequence.motion_deviation),
+        ("focal_deviation", sequence.focal_deviation),
+    ] {
+        if let Some(deviation) = deviation {
+            // Writing to a string cannot fail.
+            let _ = writeln!(manifest, "{field} = {deviation:?}");
+        }
     }
     for name in ["images", "masks"] {
         create(&folder.join(name))?;
@@ -175,7 +180,7 @@ mod tests {
     fn sample(names: [&str; 2]) -> Sequence {
         let frames = names.map(|name| Frame {
             name: name.into(),
-            image: Grid::from_fn(8, 6, |c, r| [c as f32, r as f32, 255.0]),
+            image: Grid::from_fn(8, 6, |c, r| [c as f32, r as f32, 255.0]).into(),
             mask: Grid::from_fn(8, 6, |c, r| (2..5).contains(&c) && r > 1),
             camera: Pinhole {
                 fx: 10.1,
@@ -192,6 +197,7 @@ mod tests {
             name: "sample".into(),
             frames: frames.into(),
             motion_deviation: Some(0.01),
+            focal_deviation: Some(0.1),
             truth: Some(Truth {
                 camera_from_object: vec![pose(0.1), pose(-3.0)],
                 depth: vec![Grid::filled(8, 6, 0.3), Grid::filled(8, 6, 0.0)],

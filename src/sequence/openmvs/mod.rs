@@ -113,6 +113,7 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
         name: folder_name(input),
         kind: "openMVS project",
         motion_deviation: None,
+        focal_deviation: None,
         listing: project.scene_file,
         frames,
         truth_shape: None,
