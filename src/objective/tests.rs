@@ -288,10 +288,11 @@ fn motion_is_held_to_the_off_the_shelf_poses() {
         value(&sequence, &options, at).motion
     };
     assert!(value(&at, None) < 1e-20);
-    // Both source frames see the object so far off: two of three pairs.
+    // Both source frames see the object so far off, with the right motion between them: two of three pairs.
     let mut off = at.clone();
+    let first = at.camera_from_object[1].rotation.inverse();
     for pose in &mut off.camera_from_object[1..] {
-        pose.translation += Vector3::new(0.0, 0.02, 0.0);
+        pose.translation += pose.rotation * (first * Vector3::new(0.0, 0.02, 0.0));
     }
     let known =
         |deviations: f64| 2.0 / 3.0 * (2.0 / 3.0) * 0.5 * 2500.0 * 36.0 * (deviations / 6.0).powi(2).ln_1p();
