@@ -74,10 +74,6 @@ impl Pose {
 pub struct RelativePose(pub Pose);
 
 impl RelativePose {
-    pub fn identity() -> Self {
-        Self(Pose::identity())
-    }
-
     /// p_l from p0 (Eq. 2–3): R_l = R(Δω_l) R(ω0), t_l = Δt_l + t0.
     pub fn compose(&self, target_from_object: &Pose) -> Pose {
         Pose {
