@@ -28,7 +28,7 @@ use std::time::Instant;
 /// A hypothesis is judged with this many of the prior's points.
 const HYPOTHESIS_POINTS: usize = 2048;
 /// So many steps of a short solve move the pose alone.
-const PLACING_STEPS: usize = 1;
+const PLACING_STEPS: usize = 3;
 /// Steps of a short solve that move all variables, round by round.
 const SHORT_SOLVE_STEPS: [usize; 3] = [1, 1, 3];
 /// Ceres iterations of each of them.
