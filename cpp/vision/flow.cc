@@ -12,7 +12,7 @@ namespace spba::vision {
 namespace {
 
 // What moves is found in pictures no longer than this, in pixels.
-constexpr double kLongest = 320.0;
+constexpr double kLongest = 200.0;
 
 cv::Mat Gray(const Picture& picture, cv::Size size) {
   cv::Mat gray, smaller;
@@ -32,7 +32,7 @@ rust::Vec<std::uint8_t> carried(rust::Slice<const std::uint8_t> map, const Pictu
   const cv::Size size(std::max(1, cvRound(values.cols * shrunk)), std::max(1, cvRound(values.rows * shrunk)));
   // Farnebäck's flow does not depend on how many threads there are, as that by inverse search does.
   cv::Mat small_flow, flow;
-  cv::calcOpticalFlowFarneback(Gray(to, size), Gray(from, size), small_flow, 0.5, 5, 15, 3, 7, 1.5, 0);
+  cv::calcOpticalFlowFarneback(Gray(to, size), Gray(from, size), small_flow, 0.5, 4, 11, 3, 7, 1.5, 0);
   cv::resize(small_flow, flow, values.size(), 0.0, 0.0, cv::INTER_LINEAR);
   const float across = static_cast<float>(values.cols) / static_cast<float>(size.width);
   const float down = static_cast<float>(values.rows) / static_cast<float>(size.height);
