@@ -26,10 +26,6 @@ const FIT: f64 = 0.65;
 const LOOSE: f64 = 0.1;
 /// Differences of a smaller share of the mask are not looked at.
 const LEAST_PART: f64 = 0.005;
-/// A part of a mask of at least this share of it, no pixel of which is likelier of the class than this (of 255), is not the object's:
-/// all such parts of EPFL 04, 10 and 16 are walls, while spoilers that look like no car's are smaller.
-const LEAST_UNLIKE_PART: f64 = 0.05;
-const UNLIKE: u8 = 25;
 /// Parts narrower than twice this share of the longer side of the picture are no parts.
 const PART_RADIUS: f64 = 1.0 / 160.0;
 /// An object detected in a smaller share of the frames was not found.
@@ -176,58 +172,27 @@ fn mean(likelihoods: &[(f64, Likelihood)]) -> Option<Likelihood> {
     }))
 }
 
-/// Where `wanted`, the number of the part that a pixel belongs to, 0 of none; and how many pixels each part has.
-fn parts(
-    (width, height): (usize, usize),
-    wanted: impl Iterator<Item = bool>,
-) -> Result<(Vec<usize>, Vec<usize>), cxx::Exception> {
-    let wanted: Vec<u8> = wanted.map(u8::from).collect();
-    let radius = (PART_RADIUS * width.max(height) as f64).round().max(1.0) as usize;
-    let parts: Vec<usize> = ffi::parts(&wanted, width, height, radius)?
-        .into_iter()
-        .map(usize::from)
-        .collect();
-    let mut pixels = vec![0; parts.iter().max().map_or(0, |most| most + 1)];
-    for &part in &parts {
-        pixels[part] += 1;
-    }
-    Ok((parts, pixels))
-}
-
-fn size_of(mask: &Mask) -> f64 {
-    mask.data().iter().filter(|&&inside| inside).count() as f64
-}
-
-/// Without large parts that are surely not of the class.
-fn trimmed(own: &Mask, class: &Likelihood) -> Result<Mask, cxx::Exception> {
-    let (width, height) = own.size();
-    let unlike = own
-        .data()
-        .iter()
-        .zip(class.data())
-        .map(|(&own, &class)| own && class <= UNLIKE);
-    let (parts, pixels) = parts(own.size(), unlike)?;
-    let least = LEAST_UNLIKE_PART * size_of(own);
-    let cut = |part: usize| part > 0 && pixels[part] as f64 >= least;
-    if !(1..pixels.len()).any(cut) {
-        return Ok(own.clone());
-    }
-    let left = own.data().iter().zip(&parts);
-    let left = left.map(|(&own, &part)| u8::from(own && !cut(part))).collect();
-    cleaned(left, width, height, 1)
-}
-
 /// `own`, with each part in which `other` differs decided by how likely it is of the class.
 fn settled(own: &Mask, other: &Mask, class: &Likelihood) -> Result<Mask, cxx::Exception> {
     let (width, height) = own.size();
-    let pairs = own.data().iter().zip(other.data());
-    let (parts, pixels) = parts(own.size(), pairs.map(|(own, other)| own != other))?;
-    let mut likely = vec![0; pixels.len()];
+    let differ: Vec<u8> = own
+        .data()
+        .iter()
+        .zip(other.data())
+        .map(|(own, other)| u8::from(own != other))
+        .collect();
+    let radius = (PART_RADIUS * width.max(height) as f64).round().max(1.0) as usize;
+    let parts = ffi::parts(&differ, width, height, radius)?;
+    let count = parts.iter().max().map_or(0, |&most| usize::from(most) + 1);
+    let (mut pixels, mut likely) = (vec![0usize; count], vec![0usize; count]);
     for (&part, &class) in parts.iter().zip(class.data()) {
-        likely[part] += usize::from(class);
+        pixels[usize::from(part)] += 1;
+        likely[usize::from(part)] += usize::from(class);
     }
-    let least = LEAST_PART * size_of(own);
+    let inside = own.data().iter().filter(|&&inside| inside).count();
+    let least = LEAST_PART * inside as f64;
     let mask = own.data().iter().zip(&parts).map(|(&own, &part)| {
+        let part = usize::from(part);
         if part == 0 || (pixels[part] as f64) < least {
             u8::from(own)
         } else {
@@ -462,18 +427,18 @@ impl Opinion<'_> {
             return Ok(doubted.filter(|_| outvoted).unwrap_or(own).clone());
         }
         let sides = &self.boxes[frame];
-        let Some(class) = self.scene.class(frame, sides)? else {
-            return Ok(own.clone());
-        };
-        let mut mask = trimmed(own, &class)?;
         let (width, height) = own.size();
         let [left, top, right, bottom] = sides.widened_in(&self.scene.photos[frame], LOOSE);
         let within = Grid::from_fn(width, height, |column, row| {
-            mask[(column, row)] && (left..right).contains(&column) && (top..bottom).contains(&row)
+            own[(column, row)] && (left..right).contains(&column) && (top..bottom).contains(&row)
         });
-        if agreement(&mask, &within) < 1.0 - LEAST_PART {
-            mask = settled(&mask, &within, &class)?;
+        if doubted.is_none() && fit && agreement(own, &within) > 1.0 - LEAST_PART {
+            return Ok(own.clone());
         }
+        let Some(class) = self.scene.class(frame, sides)? else {
+            return Ok(own.clone());
+        };
+        let mut mask = settled(own, &within, &class)?;
         if let Some(expected) = doubted {
             mask = settled(&mask, expected, &class)?;
         }
@@ -579,7 +544,7 @@ impl Opinion<'_> {
                 false => None,
             };
             let mask = match class {
-                Some(class) => settled(&trimmed(&own, &class)?, &both, &class)?,
+                Some(class) => settled(&own, &both, &class)?,
                 None => own.clone(),
             };
             counts.anew += usize::from(mask != own);
@@ -729,16 +694,6 @@ mod tests {
         let elsewhere = certain(&rectangle([30, 0, 192, 128]));
         let settled = settled(&own, &other, &elsewhere).unwrap();
         assert!(agreement(&settled, &rectangle([30, 20, 70, 40])) > 0.98);
-    }
-
-    #[test]
-    fn large_parts_that_are_surely_not_of_the_class_are_cut_off() {
-        let own = rectangle([20, 20, 120, 60]);
-        let large = certain(&rectangle([0, 0, 100, 128]));
-        assert!(agreement(&trimmed(&own, &large).unwrap(), &rectangle([20, 20, 100, 60])) > 0.98);
-        // As large as a spoiler.
-        let small = certain(&rectangle([0, 0, 117, 128]));
-        assert_eq!(trimmed(&own, &small).unwrap(), own);
     }
 
     #[test]
