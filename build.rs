@@ -67,7 +67,7 @@ fn build_vision() -> Result<(), Box<dyn Error>> {
         })?;
     compile(
         &["src/bridge/vision.rs"],
-        &["features", "network", "remap", "segment", "video"].map(|name| format!("cpp/vision/{name}.cc")),
+        &["features", "flow", "remap", "segment", "video"].map(|name| format!("cpp/vision/{name}.cc")),
         &opencv.include_paths,
         "spba_vision",
     )?;
@@ -76,7 +76,7 @@ fn build_vision() -> Result<(), Box<dyn Error>> {
     }
     for library in [
         "opencv_videoio",
-        "opencv_dnn",
+        "opencv_video",
         "opencv_features2d",
         "opencv_calib3d",
         "opencv_imgproc",

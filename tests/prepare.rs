@@ -267,6 +267,8 @@ fn a_video_is_read_and_a_truncated_one_as_far_as_it_goes() {
         let said =
             String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success() && said.contains(expected), "{said}");
+        // Before the work and again at the end.
+        assert_eq!(said.matches("scripts/fetch_networks").count(), 2, "{said}");
     }
     std::fs::write(&cut, &bytes[..300]).unwrap();
     refused(
@@ -323,7 +325,7 @@ fn what_cannot_be_prepared_is_refused() {
         (["--box", "5000,5000,10,10"], "--box: no pixel is inside it"),
         (["--max-frames", "1"], "--max-frames: 1 is too few"),
         (["--max-size", "0"], "--max-size: 0 is too few"),
-        (["--segmenter", "none.onnx"], "none.onnx: cannot be read"),
+        (["--networks", "nowhere"], "nowhere: cannot be read"),
     ] {
         refused(
             &[text(&pictures), flags[0], flags[1], "--out", text(&out)],

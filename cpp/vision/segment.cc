@@ -63,6 +63,25 @@ void clean(rust::Slice<std::uint8_t> mask, std::size_t width, std::size_t height
   cv::drawContours(whole, contours, -1, cv::Scalar(1), cv::FILLED);
 }
 
+rust::Vec<std::uint16_t> parts(rust::Slice<const std::uint8_t> mask, std::size_t width, std::size_t height,
+                               std::size_t radius) {
+  const cv::Mat whole = ToMat(mask, width, height);
+  const cv::Mat disc = Disc(static_cast<int>(radius));
+  cv::Mat opened, labels, spread;
+  cv::morphologyEx(whole, opened, cv::MORPH_OPEN, disc);
+  cv::connectedComponents(opened, labels, 8, CV_16U);
+  // Corners that opening cut off belong to the part that they are next to.
+  cv::dilate(labels, spread, disc);
+  spread.setTo(0, whole == 0);
+  rust::Vec<std::uint16_t> result;
+  result.reserve(spread.total());
+  for (int row = 0; row < spread.rows; ++row) {
+    const std::uint16_t* pixels = spread.ptr<std::uint16_t>(row);
+    for (int column = 0; column < spread.cols; ++column) result.push_back(pixels[column]);
+  }
+  return result;
+}
+
 void grow(rust::Slice<std::uint8_t> mask, std::size_t width, std::size_t height, std::int32_t by) {
   cv::Mat whole = Writable(mask, width, height);
   cv::Mat grown;

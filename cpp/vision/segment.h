@@ -15,6 +15,8 @@ struct Colours;
 void grab_cut(const Picture& picture, rust::Slice<std::uint8_t> labels, Colours& colours, bool learn,
               std::size_t iterations);
 void clean(rust::Slice<std::uint8_t> mask, std::size_t width, std::size_t height, std::size_t radius);
+rust::Vec<std::uint16_t> parts(rust::Slice<const std::uint8_t> mask, std::size_t width, std::size_t height,
+                               std::size_t radius);
 void grow(rust::Slice<std::uint8_t> mask, std::size_t width, std::size_t height, std::int32_t by);
 
 }  // namespace spba::vision

@@ -35,10 +35,11 @@ double sharpness(const Picture& picture) {
 }
 
 Picture resized(const Picture& picture, std::size_t width, std::size_t height) {
-  cv::Mat smaller;
-  cv::resize(ToMat(picture), smaller, cv::Size(static_cast<int>(width), static_cast<int>(height)), 0.0, 0.0,
-             cv::INTER_AREA);
-  return ToPicture(smaller, picture.seconds);
+  cv::Mat other;
+  const bool smaller = width < picture.width || height < picture.height;
+  cv::resize(ToMat(picture), other, cv::Size(static_cast<int>(width), static_cast<int>(height)), 0.0, 0.0,
+             smaller ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return ToPicture(other, picture.seconds);
 }
 
 }  // namespace spba::vision

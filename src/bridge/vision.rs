@@ -28,21 +28,6 @@ pub mod ffi {
         object: Vec<f64>,
     }
 
-    /// How a network wants its picture: `side` × `side` pixels, of each channel in \[0, 255\] (value − mean) / deviation.
-    #[derive(Clone, Copy, Debug)]
-    struct NetworkInput {
-        side: usize,
-        mean: [f64; 3],
-        deviation: [f64; 3],
-    }
-
-    /// An output of a network, the last dimension fastest.
-    #[derive(Clone, Debug, Default)]
-    struct Tensor {
-        shape: Vec<usize>,
-        values: Vec<f32>,
-    }
-
     /// Which features.
     #[derive(Clone, Copy, Debug)]
     struct DetectOptions {
@@ -78,7 +63,7 @@ pub mod ffi {
 
     unsafe extern "C++" {
         include!("spba-ceres/cpp/vision/features.h");
-        include!("spba-ceres/cpp/vision/network.h");
+        include!("spba-ceres/cpp/vision/flow.h");
         include!("spba-ceres/cpp/vision/remap.h");
         include!("spba-ceres/cpp/vision/segment.h");
         include!("spba-ceres/cpp/vision/video.h");
@@ -90,7 +75,7 @@ pub mod ffi {
         fn next(self: Pin<&mut Video>, picture: &mut Picture) -> Result<bool>;
         /// The variance of a picture's Laplacian.
         fn sharpness(picture: &Picture) -> Result<f64>;
-        /// At another size, averaged over what each pixel covers.
+        /// At another size: averaged over what each pixel covers, bilinear where both sides grow.
         fn resized(picture: &Picture, width: usize, height: usize) -> Result<Picture>;
 
         /// GrabCut. `labels` per pixel: 0 background, 1 object, 2 probably background, 3 probably object; the last two are decided
@@ -104,14 +89,13 @@ pub mod ffi {
         ) -> Result<()>;
         /// Leaves of a mask (0, 1) what is wider than `radius` pixels and largest, its holes closed.
         fn clean(mask: &mut [u8], width: usize, height: usize, radius: usize) -> Result<()>;
+        /// The parts of a mask (0, 1) that are wider than `radius` pixels: 1, 2, … of each, 0 elsewhere.
+        fn parts(mask: &[u8], width: usize, height: usize, radius: usize) -> Result<Vec<u16>>;
         /// A mask (0, 1) so many pixels wider, or narrower.
         fn grow(mask: &mut [u8], width: usize, height: usize, by: i32) -> Result<()>;
 
-        type Network;
-        /// An ONNX network; an error where OpenCV cannot run it.
-        fn read_network(path: &str) -> Result<UniquePtr<Network>>;
-        /// All outputs for a picture.
-        fn run(self: Pin<&mut Network>, picture: &Picture, input: &NetworkInput) -> Result<Vec<Tensor>>;
+        /// What `map`, a byte per pixel of `from`, is in `to`, a picture of the same size, by optical flow between the two.
+        fn carried(map: &[u8], from: &Picture, to: &Picture) -> Result<Vec<u8>>;
 
         /// SIFT features where the mask is not 0, and their descriptors (128 each, the roots of shares), appended.
         fn detect(

@@ -19,7 +19,7 @@ pub struct Args {
     input: PathBuf,
     #[command(flatten)]
     raw: RawArgs,
-    /// What the object is, for a --segmenter that tells classes apart: car, chair, airplane [default: anything]
+    /// What the object is, for --networks that know classes: car, chair, airplane [default: whatever stands out]
     #[arg(long, value_name = "NAME")]
     category: Option<String>,
     /// Write a contact sheet, review.png, into the sequence folder: every frame with its mask and depth
@@ -41,11 +41,11 @@ pub struct RawArgs {
     #[arg(long = "box", value_name = "X,Y,W,H")]
     object_box: Option<ObjectBox>,
     /// Folder of masks (white = object), named like the pictures
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["object_box", "segmenter"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["object_box", "networks"])]
     masks: Option<PathBuf>,
-    /// Network that finds the object (scripts/fetch_segmenter fetches one), a TOML file of the same name beside it
-    #[arg(long, value_name = "ONNX")]
-    segmenter: Option<PathBuf>,
+    /// Folder of networks that find the object, as scripts/fetch_networks makes it
+    #[arg(long, value_name = "FOLDER")]
+    networks: Option<PathBuf>,
     /// At most so many frames: of as many groups in a row, the sharpest each [default: 40]
     #[arg(long, value_name = "N")]
     max_frames: Option<usize>,
@@ -61,12 +61,22 @@ impl RawArgs {
             (self.focal.is_some(), "--focal"),
             (self.object_box.is_some(), "--box"),
             (self.masks.is_some(), "--masks"),
-            (self.segmenter.is_some(), "--segmenter"),
+            (self.networks.is_some(), "--networks"),
             (self.max_frames.is_some(), "--max-frames"),
             (self.max_size.is_some(), "--max-size"),
         ]
         .into_iter()
         .find_map(|(given, flag)| given.then_some(flag))
+    }
+
+    /// Says that masks are made by colours alone, if so: before the work and again at its end, where it is read.
+    pub fn warn_without_networks(&self) {
+        if self.masks.is_none() && self.networks.is_none() {
+            eprintln!(
+                "warning: masks by colours alone, which often go wrong; mend it: `scripts/fetch_networks out/networks` once, \
+                 then --networks out/networks"
+            );
+        }
     }
 
     fn options(&self, category: Option<&str>) -> PrepareOptions {
@@ -80,7 +90,7 @@ impl RawArgs {
             masks: MaskOptions {
                 given: self.masks.clone(),
                 object_box: self.object_box,
-                segmenter: self.segmenter.clone(),
+                networks: self.networks.clone(),
                 category: category.map(str::to_owned),
             },
             ..PrepareOptions::default()
@@ -101,6 +111,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         report::write_review(&sequence::load(&args.out, &LoadOptions::default())?, &sheet)?;
         println!("{:16} {}", "review", sheet.display());
     }
+    args.raw.warn_without_networks();
     Ok(())
 }
 
@@ -120,6 +131,7 @@ pub fn prepare(
     out: &Path,
     if_made: IfMade,
 ) -> anyhow::Result<()> {
+    raw.warn_without_networks();
     let interrupted = interruption()?;
     let options = raw.options(category);
     let stamp = Stamp::new(input, &options)?;

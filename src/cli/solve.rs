@@ -165,6 +165,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         out,
     )?;
     summarise(&solution, &written);
+    #[cfg(feature = "vision")]
+    if prepared != input {
+        args.raw.warn_without_networks();
+    }
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Why an input cannot be prepared. One line each: what, why, mend.
 
-use super::masks::SegmenterError;
+use super::masks::NetworkError;
 use super::motion::MotionError;
 use crate::image::ImageError;
 use crate::sequence::SequenceError;
@@ -33,11 +33,11 @@ pub enum PrepareError {
         mend: &'static str,
     },
     #[error(
-        "frames: an object was found in {found} of {frames} only; give --box x,y,w,h, a --segmenter or --masks"
+        "frames: an object was found in {found} of {frames} only; give --networks, --box x,y,w,h or --masks"
     )]
     NoObject { found: usize, frames: usize },
     #[error(transparent)]
-    Segmenter(#[from] SegmenterError),
+    Network(#[from] NetworkError),
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]

@@ -14,7 +14,7 @@ pub use cache::Cache;
 pub use depth::DepthOptions;
 pub use error::PrepareError;
 pub use focal::{Focal, FocalSource};
-pub use masks::{MaskOptions, MaskSource, ObjectBox, SegmenterError};
+pub use masks::{MaskOptions, NetworkError, ObjectBox};
 pub use motion::MotionOptions;
 pub use photos::{Input, Photo, PhotoOptions};
 pub use refine::RefineOptions;
@@ -110,7 +110,7 @@ pub fn prepare(
     let (width, height) = photos.first().map_or((0, 0), |photo| photo.image.size());
     stage("frames", format!("{} of {width} × {height}", photos.len()));
 
-    let (masks, source) = masks::masks(&photos, &options.masks, cache, key, &|steps| {
+    let masks::Found { masks, words } = masks::masks(&photos, &options.masks, cache, key, &|steps| {
         watch("masks", steps)
     })?;
     let count = photos.len();
@@ -130,7 +130,7 @@ pub fn prepare(
         });
     }
     let share = masks.iter().map(Mask::share).sum::<f64>() / masks.len() as f64;
-    let mut words = format!("{}, {:.0} % of a picture", source.words(), 100.0 * share);
+    let mut words = format!("{words}, {:.0} % of a picture", 100.0 * share);
     if !without.is_empty() {
         words += &format!("; dropped, no object found: {}", without.join(", "));
     }

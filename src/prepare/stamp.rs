@@ -1,7 +1,7 @@
 //! What a prepared sequence was made of, so that it is not made twice.
 
 use super::cache::Key;
-use super::{Input, PrepareError, PrepareOptions};
+use super::{Input, PrepareError, PrepareOptions, masks};
 use crate::sequence::SequenceError;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -35,12 +35,14 @@ impl Stamp {
             masks.sort();
             files.extend(masks);
         }
-        if let Some(network) = &options.masks.segmenter {
-            files.extend(
-                [network.clone(), network.with_extension("toml")]
-                    .into_iter()
-                    .filter(|file| file.is_file()),
-            );
+        if let Some(folder) = &options.masks.networks {
+            for beside in masks::descriptions(folder)? {
+                files.extend(
+                    [beside.with_extension("onnx"), beside]
+                        .into_iter()
+                        .filter(|file| file.is_file()),
+                );
+            }
         }
         Ok(Self {
             input: contents(&files)?.and(options).to_string(),

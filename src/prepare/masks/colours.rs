@@ -2,15 +2,15 @@
 //!
 //! The box is given, or found where something moves before a background that stays.
 
-use super::{MaskSource, ObjectBox, cleaned, picture};
+use super::{ObjectBox, cleaned, picture};
 use crate::bridge::vision::ffi::{self, Colours, Picture};
 use crate::image::{Grid, Mask};
 use crate::prepare::{Photo, PrepareError};
 
 /// Labels of GrabCut.
-const BACKGROUND: u8 = 0;
-const MAYBE_BACKGROUND: u8 = 2;
-const MAYBE_OBJECT: u8 = 3;
+pub(super) const BACKGROUND: u8 = 0;
+pub(super) const MAYBE_BACKGROUND: u8 = 2;
+pub(super) const MAYBE_OBJECT: u8 = 3;
 /// GrabCut works on pictures no longer than this, in pixels.
 const WORKING_PX: usize = 480;
 /// Grey levels by which a still background may flicker (standard deviation over time).
@@ -18,6 +18,27 @@ const FLICKER: f32 = 7.0;
 /// Share of the border that must stand still for the background to be still.
 const STILL: f64 = 0.7;
 const ITERATIONS: usize = 4;
+
+/// Where GrabCut starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// In the box that was given.
+    Box,
+    /// Where something moves before a still background.
+    Motion,
+    /// About the middle of the picture: nothing better was known.
+    Middle,
+}
+
+impl Source {
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Box => "GrabCut in the given box",
+            Self::Motion => "GrabCut where something moves before a still background",
+            Self::Middle => "GrabCut about the middle: give --box if the object is elsewhere",
+        }
+    }
+}
 
 /// A mask for every photo, empty where nothing was found.
 ///
@@ -27,13 +48,13 @@ pub fn masks(
     photos: &[Photo],
     object_box: Option<&ObjectBox>,
     watch: &dyn Fn(usize) -> bool,
-) -> Result<(Vec<Mask>, MaskSource), PrepareError> {
+) -> Result<(Vec<Mask>, Source), PrepareError> {
     let pictures: Vec<Picture> = photos
         .iter()
-        .map(working)
+        .map(|photo| working(picture(&photo.image)))
         .collect::<Result<_, cxx::Exception>>()?;
     let Some((first, photo)) = pictures.first().zip(photos.first()) else {
-        return Ok((Vec::new(), MaskSource::Middle));
+        return Ok((Vec::new(), Source::Middle));
     };
     let (width, height) = (first.width, first.height);
     let scale = width as f64 / photo.image.width() as f64;
@@ -43,9 +64,9 @@ pub fn masks(
             let given = given.in_image(photo);
             let of_image = |x: usize| (x as f64 + 0.5) / scale;
             let inside = |column: usize, row: usize| given.contains(of_image(column), of_image(row));
-            (Grid::from_fn(width, height, inside), MaskSource::Box)
+            (Grid::from_fn(width, height, inside), Source::Box)
         }
-        (None, Some(moving)) => (moving.clone(), MaskSource::Motion),
+        (None, Some(moving)) => (moving.clone(), Source::Motion),
         (None, None) => {
             let inside = |column: usize, row: usize| {
                 let (x, y) = (
@@ -54,7 +75,7 @@ pub fn masks(
                 );
                 x.abs() < 0.42 && y.abs() < 0.42
             };
-            (Grid::from_fn(width, height, inside), MaskSource::Middle)
+            (Grid::from_fn(width, height, inside), Source::Middle)
         }
     };
     if region.share() == 0.0 || region.share() == 1.0 {
@@ -69,7 +90,7 @@ pub fn masks(
         .iter()
         .map(|&inside| if inside { MAYBE_OBJECT } else { BACKGROUND })
         .collect();
-    let still = source == MaskSource::Motion;
+    let still = source == Source::Motion;
     masks[middle] = Some(cut(&pictures[middle], labels, &mut colours, true)?);
     let learned = colours.clone();
     for backwards in [false, true] {
@@ -109,15 +130,14 @@ pub fn masks(
     Ok((masks, source))
 }
 
-fn working(photo: &Photo) -> Result<Picture, cxx::Exception> {
-    let (width, height) = photo.image.size();
-    let whole = picture(&photo.image);
-    let longest = width.max(height);
+/// At the size at which GrabCut works.
+pub(super) fn working(whole: Picture) -> Result<Picture, cxx::Exception> {
+    let longest = whole.width.max(whole.height);
     if longest <= WORKING_PX {
         return Ok(whole);
     }
     let scaled = |side: usize| (side * WORKING_PX / longest).max(1);
-    ffi::resized(&whole, scaled(width), scaled(height))
+    ffi::resized(&whole, scaled(whole.width), scaled(whole.height))
 }
 
 /// Where something moves, if the border of the pictures shows that the background does not.
@@ -186,7 +206,8 @@ fn around(mask: &Mask) -> Result<Vec<u8>, cxx::Exception> {
         .collect())
 }
 
-fn cut(
+/// The object by GrabCut from labels, cleaned.
+pub(super) fn cut(
     picture: &Picture,
     mut labels: Vec<u8>,
     colours: &mut Colours,

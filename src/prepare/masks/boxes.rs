@@ -1,0 +1,289 @@
+//! Boxes about the object: one in every frame, from detections that come and go.
+
+use super::networks::Detection;
+use crate::image::Mask;
+
+/// Left, top, right and bottom of a box in pixels of a photo's image; it may reach beyond the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sides(pub [f64; 4]);
+
+impl Sides {
+    /// About a mask; `None` about nothing.
+    pub fn about(mask: &Mask) -> Option<Self> {
+        mask.bounds().map(|sides| Self(sides.map(|x| x as f64)))
+    }
+
+    fn area(&self) -> f64 {
+        let Self([left, top, right, bottom]) = self;
+        (right - left).max(0.0) * (bottom - top).max(0.0)
+    }
+
+    fn common(&self, other: &Self) -> f64 {
+        let (Self(a), Self(b)) = (self, other);
+        Self([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]).area()
+    }
+
+    /// Intersection over union, 0 to 1.
+    pub fn overlap(&self, other: &Self) -> f64 {
+        let common = self.common(other);
+        let all = self.area() + other.area() - common;
+        if all > 0.0 { common / all } else { 0.0 }
+    }
+
+    /// With a margin, a share of its width and height on every side, as columns and rows of a picture.
+    pub fn widened(&self, margin: f64, width: usize, height: usize) -> [usize; 4] {
+        let Self([left, top, right, bottom]) = self;
+        let (across, down) = (margin * (right - left), margin * (bottom - top));
+        let clamped = |x: f64, most: usize| x.clamp(0.0, most as f64) as usize;
+        [
+            clamped((left - across).floor(), width),
+            clamped((top - down).floor(), height),
+            clamped((right + across).ceil(), width),
+            clamped((bottom + down).ceil(), height),
+        ]
+    }
+}
+
+/// Detections below this score start and continue nothing.
+const LEAST_SCORE: f64 = 0.2;
+/// Overlap from frame to frame counts so many times a score of 1: an object that stays beats one that is surer in single frames.
+const STAYING: f64 = 2.0;
+/// So many frames may go by without a detection.
+const GAP: usize = 5;
+/// Objects that fill this share of the picture are large enough.
+const LARGE: f64 = 0.05;
+/// What overlaps a given box by less is another object.
+const GIVEN: f64 = 0.3;
+
+/// What the detector said of a frame.
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
+pub struct Detected {
+    /// Left, top, right, bottom and score of each.
+    pub boxes: Vec<([f64; 4], f64)>,
+}
+
+impl Detected {
+    /// Detections in a picture, and in its mirror image, which is a second opinion: both scores count half.
+    pub fn of(plain: &[Detection], mirrored: &[Detection], width: usize) -> Self {
+        let width = width as f64;
+        let back = |found: &Detection| {
+            let Sides([left, top, right, bottom]) = found.sides;
+            (Sides([width - right, top, width - left, bottom]), found.score)
+        };
+        let mirrored: Vec<(Sides, f64)> = mirrored.iter().map(back).collect();
+        let boxes = plain
+            .iter()
+            .filter(|found| found.score >= LEAST_SCORE)
+            .map(|found| {
+                let second = mirrored
+                    .iter()
+                    .map(|(sides, score)| score * sides.overlap(&found.sides))
+                    .fold(0.0, f64::max);
+                (found.sides.0, 0.5 * (found.score + second))
+            })
+            .collect();
+        Self { boxes }
+    }
+}
+
+/// One object through all frames: of all chains of detections that of the highest scores, about the middle of the picture, which
+/// overlaps most from frame to frame. `given` is a box of the object in one frame. `None` where it was not detected.
+pub fn track(
+    frames: &[Detected],
+    (width, height): (usize, usize),
+    given: Option<(usize, Sides)>,
+) -> Vec<Option<Sides>> {
+    let (width, height) = (width as f64, height as f64);
+    let picture = Sides([0.0, 0.0, width, height]);
+    let worth = |sides: &Sides, score: f64| {
+        let Sides([left, top, right, bottom]) = sides;
+        let inside = sides.common(&picture) / sides.area().max(1e-9);
+        let size = (sides.area() / picture.area() / LARGE).sqrt().min(1.0);
+        let (x, y) = (
+            (left + right) / (2.0 * width) - 0.5,
+            (top + bottom) / (2.0 * height) - 0.5,
+        );
+        score * inside * size * (1.0 - x.hypot(y)).max(0.0)
+    };
+    let nodes: Vec<Vec<(Sides, f64)>> = frames
+        .iter()
+        .enumerate()
+        .map(|(frame, detected)| {
+            let all = detected
+                .boxes
+                .iter()
+                .map(|&(sides, score)| (Sides(sides), score))
+                .map(|(sides, score)| (sides, worth(&sides, score)));
+            match given {
+                Some((at, given)) if at == frame => {
+                    let same: Vec<_> = all.filter(|(sides, _)| sides.overlap(&given) >= GIVEN).collect();
+                    if same.is_empty() { vec![(given, 1.0)] } else { same }
+                }
+                _ => all.collect(),
+            }
+        })
+        .collect();
+    let mut chains: Vec<Vec<Chain>> = Vec::new();
+    for (frame, found) in nodes.iter().enumerate() {
+        // A given box is on the chain: none may start after it, nor pass it by.
+        let past = given.filter(|(at, _)| *at < frame);
+        let (first, alone) = past.map_or((0, 0.0), |(at, _)| (at, f64::NEG_INFINITY));
+        let ends = found
+            .iter()
+            .map(|(sides, worth)| {
+                let mut best = Chain {
+                    worth: alone,
+                    before: None,
+                };
+                for before in frame.saturating_sub(GAP).max(first)..frame {
+                    for (i, (other, _)) in nodes[before].iter().enumerate() {
+                        let chain = chains[before][i].worth + STAYING * sides.overlap(other);
+                        if chain > best.worth {
+                            best = Chain {
+                                worth: chain,
+                                before: Some((before, i)),
+                            };
+                        }
+                    }
+                }
+                best.worth += worth;
+                best
+            })
+            .collect();
+        chains.push(ends);
+    }
+    let least = given.map_or(0, |(at, _)| at);
+    let mut at = (least..frames.len())
+        .flat_map(|frame| (0..nodes[frame].len()).map(move |i| (frame, i)))
+        .max_by(|a, b| chains[a.0][a.1].worth.total_cmp(&chains[b.0][b.1].worth));
+    let mut tracked = vec![None; frames.len()];
+    while let Some((frame, i)) = at {
+        tracked[frame] = Some(nodes[frame][i].0);
+        at = chains[frame][i].before;
+    }
+    tracked
+}
+
+/// The best chain that ends with a detection.
+struct Chain {
+    worth: f64,
+    /// The frame before and the detection in it.
+    before: Option<(usize, usize)>,
+}
+
+/// So many frames, itself and the nearest in which something was found, say where the object is in a frame.
+const NEARBY: usize = 5;
+
+/// The median of each side over the nearest boxes: wrong ones do not count, gaps are filled. `None` where there is no box at all.
+pub fn smoothed(boxes: &[Option<Sides>]) -> Option<Vec<Sides>> {
+    let known: Vec<(usize, Sides)> = boxes
+        .iter()
+        .enumerate()
+        .filter_map(|(frame, sides)| Some((frame, (*sides)?)))
+        .collect();
+    if known.is_empty() {
+        return None;
+    }
+    let of_frame = |frame: usize| {
+        let mut near = known.clone();
+        near.sort_by_key(|(other, _)| (other.abs_diff(frame), *other));
+        near.truncate(NEARBY);
+        Sides(std::array::from_fn(|side| {
+            let mut places: Vec<f64> = near.iter().map(|(_, sides)| sides.0[side]).collect();
+            places.sort_by(f64::total_cmp);
+            places[places.len() / 2]
+        }))
+    };
+    Some((0..boxes.len()).map(of_frame).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_keeps_its_margin_within_the_picture() {
+        let sides = Sides([40.0, 50.0, 60.0, 70.0]);
+        assert_eq!(sides.widened(0.35, 100, 72), [33, 43, 67, 72]);
+        assert_eq!(
+            Sides([200.0, 50.0, 210.0, 70.0]).widened(0.35, 100, 100)[..1],
+            [100]
+        );
+    }
+
+    #[test]
+    fn one_wrong_box_of_five_does_not_count_and_gaps_are_filled() {
+        let boxes = [
+            Some(Sides([10.0, 20.0, 50.0, 60.0])),
+            Some(Sides([11.0, 20.0, 51.0, 60.0])),
+            None,
+            Some(Sides([30.0, 40.0, 35.0, 44.0])),
+            Some(Sides([12.0, 21.0, 52.0, 61.0])),
+            Some(Sides([13.0, 21.0, 53.0, 61.0])),
+        ];
+        let smooth = smoothed(&boxes).unwrap();
+        assert_eq!(smooth[2], Sides([12.0, 21.0, 51.0, 60.0]));
+        assert_eq!(smoothed(&[None, None]), None);
+    }
+
+    /// A small sure box that jumps, a large one that stays, and one frame without it.
+    fn scene() -> Vec<Detected> {
+        (0..7)
+            .map(|frame| {
+                let x = frame as f64;
+                let jumping = ([5.0 + 15.0 * x, 5.0, 25.0 + 15.0 * x, 15.0], 0.9);
+                let staying = ([30.0 + x, 30.0, 70.0 + x, 60.0], 0.5);
+                Detected {
+                    boxes: if frame == 3 {
+                        vec![jumping]
+                    } else {
+                        vec![jumping, staying]
+                    },
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_object_that_stays_is_followed_past_a_gap() {
+        let tracked = track(&scene(), (120, 90), None);
+        for (frame, sides) in tracked.iter().enumerate() {
+            let left = 30.0 + frame as f64;
+            assert_eq!(
+                *sides,
+                (frame != 3).then_some(Sides([left, 30.0, left + 40.0, 60.0]))
+            );
+        }
+        assert_eq!(
+            track(&[Detected::default(), Detected::default()], (120, 90), None),
+            [None, None]
+        );
+    }
+
+    #[test]
+    fn a_given_box_says_which_object_it_is() {
+        let mut scene = scene();
+        for (frame, detected) in scene.iter_mut().enumerate() {
+            let x = frame as f64;
+            detected.boxes.push(([80.0, 60.0 + x, 110.0, 80.0 + x], 0.3));
+        }
+        let given = Sides([80.0, 62.0, 112.0, 84.0]);
+        let tracked = track(&scene, (120, 90), Some((3, given)));
+        assert_eq!(tracked[0], Some(Sides([80.0, 60.0, 110.0, 80.0])));
+        assert_eq!(tracked[6], Some(Sides([80.0, 66.0, 110.0, 86.0])));
+        // One that was not detected is believed all the same.
+        let unseen = Sides([1.0, 70.0, 20.0, 89.0]);
+        assert_eq!(track(&scene, (120, 90), Some((3, unseen)))[3], Some(unseen));
+    }
+
+    #[test]
+    fn the_mirror_image_halves_what_is_seen_once() {
+        let found = |left: f64, score| Detection {
+            sides: Sides([left, 10.0, left + 20.0, 20.0]),
+            score,
+        };
+        let both = Detected::of(&[found(10.0, 0.8), found(60.0, 0.6)], &[found(70.0, 0.8)], 100);
+        assert_eq!(both.boxes[0].1, 0.8);
+        assert_eq!(both.boxes[1].1, 0.3);
+    }
+}
