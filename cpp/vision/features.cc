@@ -16,6 +16,8 @@ namespace spba::vision {
 namespace {
 
 constexpr int kEntries = 128;
+// Pixels about the object that its features' surroundings reach into.
+constexpr int kMargin = 16;
 
 cv::Mat Descriptors(rust::Slice<const float> entries) {
   if (entries.size() % kEntries != 0) throw std::invalid_argument("descriptors of another length");
@@ -48,18 +50,27 @@ rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<cons
                           std::size_t width, std::size_t height, const DetectOptions& options,
                           rust::Vec<float>& descriptors) {
   const auto sift = cv::SIFT::create(static_cast<int>(options.most), 3, options.contrast);
+  // Of the picture about the object alone: the rest costs as much and its features would count among the
+  // most.
+  const cv::Mat whole = ToMat(mask, width, height);
+  const cv::Rect object = cv::boundingRect(whole);
+  const cv::Rect box = (object + cv::Size(2 * kMargin, 2 * kMargin) - cv::Point(kMargin, kMargin)) &
+                       cv::Rect(cv::Point(), whole.size());
+  rust::Vec<Feature> features;
+  if (object.empty()) return features;
   cv::Mat larger, where;
-  cv::resize(ToMat(gray, width, height), larger, cv::Size(), options.zoom, options.zoom, cv::INTER_CUBIC);
-  cv::resize(ToMat(mask, width, height), where, larger.size(), 0.0, 0.0, cv::INTER_NEAREST);
+  cv::resize(ToMat(gray, width, height)(box), larger, cv::Size(), options.zoom, options.zoom,
+             cv::INTER_CUBIC);
+  cv::resize(whole(box), where, larger.size(), 0.0, 0.0, cv::INTER_NEAREST);
   std::vector<cv::KeyPoint> points;
   cv::Mat rows;
   sift->detectAndCompute(larger, where, points, rows);
-  rust::Vec<Feature> features;
   features.reserve(points.size());
   descriptors.reserve(points.size() * kEntries);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const cv::KeyPoint& point = points[i];
-    features.push_back({(point.pt.x + 0.5) / options.zoom, (point.pt.y + 0.5) / options.zoom});
+    features.push_back(
+        {(point.pt.x + 0.5) / options.zoom + box.x, (point.pt.y + 0.5) / options.zoom + box.y});
     const float* row = rows.ptr<float>(static_cast<int>(i));
     float sum = 0.0f;
     for (int k = 0; k < kEntries; ++k) sum += row[k];
@@ -93,9 +104,14 @@ Found two_views(rust::Slice<const double> a, rust::Slice<const double> b, double
     throw std::invalid_argument("as many points as inliers are needed in both views");
   }
   if (first.size() < 5) return Found{};
+  cv::UsacParams params;
+  params.confidence = 0.9999;
+  params.threshold = threshold;
+  params.maxIterations = 1000;
+  const cv::Mat one = cv::Mat::eye(3, 3, CV_64F);
   cv::Mat mask;
   const cv::Mat essential =
-      cv::findEssentialMat(first, second, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.9999, threshold, mask);
+      cv::findEssentialMat(first, second, one, one, cv::noArray(), cv::noArray(), mask, params);
   if (essential.rows != 3) return Found{};
   cv::Matx33d rotation;
   cv::Vec3d translation;

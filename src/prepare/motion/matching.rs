@@ -8,7 +8,7 @@ use rayon::prelude::*;
 const OBJECT_PX: f64 = 900.0;
 /// Painted metal and glass have weak features; OpenCV's own threshold is 0.04.
 const CONTRAST: f64 = 0.01;
-const FEATURES: usize = 3000;
+const FEATURES: usize = 1200;
 /// A match must be so much nearer than the second best.
 const RATIO: f32 = 0.85;
 /// A mask's border belongs to object and background: features so near to it (share of the object's size) do not count.
