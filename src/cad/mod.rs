@@ -33,6 +33,6 @@ pub use frame::{Axes, Axis};
 pub(crate) use mesh::body_box;
 pub use mesh::{Material, Mesh, Texture, Triangle};
 pub use orbit::orbit;
-pub use outside::{OutsideSample, mirror, sample_outside};
+pub use outside::{OutsideSample, mirror, sample_outside, sample_shell};
 pub use plain::load;
-pub use sources::{NamedModel, SourceKind, SourceSpec, load_source};
+pub use sources::{NamedModel, SourceKind, SourceSpec, load_source, matches};

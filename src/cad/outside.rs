@@ -14,6 +14,8 @@ const DIRECTIONS: usize = 60;
 const FREE_DIRECTIONS: usize = 2;
 /// So many tell which side is out; the rest need not be tried.
 const ENOUGH_DIRECTIONS: usize = 7;
+/// A sample is on the shell if at least so many are free: what is seen through an open floor or a window sees less.
+const SHELL_DIRECTIONS: usize = 12;
 /// Where a ray starts to count, in diagonals: past the triangle it starts on and its doubles.
 const RAY_START: f64 = 1e-4;
 
@@ -65,6 +67,16 @@ pub fn mirror(v: &V3) -> V3 {
 /// Draws `count` area-uniform samples of `mesh` and keeps those on the outside (about two thirds for a model
 /// with an interior). Same mesh, count and seed: same samples.
 pub fn sample_outside(mesh: &Mesh, count: usize, seed: u64) -> OutsideSample {
+    sample(mesh, count, seed, FREE_DIRECTIONS, ENOUGH_DIRECTIONS)
+}
+
+/// Like [`sample_outside`], without what lies in cavities: the part that a closed surface can lie on.
+pub fn sample_shell(mesh: &Mesh, count: usize, seed: u64) -> OutsideSample {
+    sample(mesh, count, seed, SHELL_DIRECTIONS, SHELL_DIRECTIONS)
+}
+
+/// Keeps a sample if `least` directions are free; no more are tried once `enough` are.
+fn sample(mesh: &Mesh, count: usize, seed: u64, least: usize, enough: usize) -> OutsideSample {
     let triangles: Vec<[V3; 3]> = mesh
         .triangles
         .iter()
@@ -75,25 +87,25 @@ pub fn sample_outside(mesh: &Mesh, count: usize, seed: u64) -> OutsideSample {
     let directions = sphere_directions();
     let kept: Vec<(V3, V3)> = drawn
         .par_iter()
-        .filter_map(|(point, normal)| Some((*point, outward(&bvh, &directions, point, normal)?)))
+        .filter_map(|(point, normal)| {
+            let sides = free_sides(&bvh, &directions, point, normal, enough);
+            let outward = if sides[0] >= sides[1] { *normal } else { -normal };
+            (sides[0] + sides[1] >= least).then_some((*point, outward))
+        })
         .collect();
     let (points, normals) = kept.into_iter().unzip();
     OutsideSample { points, normals }
 }
 
-/// The normal turned to the side from which the point is seen; `None` for a point inside.
-fn outward(bvh: &Bvh, directions: &[V3], point: &V3, normal: &V3) -> Option<V3> {
-    let (mut front, mut back) = (0, 0);
+/// How many directions are free on the normal's side of a point and on the other, `enough` at most.
+fn free_sides(bvh: &Bvh, directions: &[V3], point: &V3, normal: &V3, enough: usize) -> [usize; 2] {
+    let mut sides = [0; 2];
     for direction in directions {
-        if front + back < ENOUGH_DIRECTIONS && !bvh.occludes(point, direction, RAY_START) {
-            *(if direction.dot(normal) > 0.0 {
-                &mut front
-            } else {
-                &mut back
-            }) += 1;
+        if sides[0] + sides[1] < enough && !bvh.occludes(point, direction, RAY_START) {
+            sides[usize::from(direction.dot(normal) <= 0.0)] += 1;
         }
     }
-    (front + back >= FREE_DIRECTIONS).then_some(if front >= back { *normal } else { -normal })
+    sides
 }
 
 /// Area-uniform points with their triangle's unit normal; stratified over the cumulated area.

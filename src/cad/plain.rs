@@ -56,6 +56,7 @@ impl Library for Plain {
             source: self.source.clone(),
             licence: self.licence.clone(),
             mesh,
+            weight: 1.0,
         })
     }
 }

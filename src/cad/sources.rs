@@ -20,6 +20,8 @@ pub struct NamedModel {
     /// SPDX where the package gives it so, else the package's own words.
     pub licence: String,
     pub mesh: Mesh,
+    /// How much it counts in what is learned.
+    pub weight: f64,
 }
 
 /// Where models come from; in TOML, `kind = "torcs"`, `path = "…"`, ….
@@ -46,6 +48,20 @@ pub struct SourceSpec {
     /// Plain folders only: the licence of the files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub licence: Option<String>,
+    /// Plain folders only: where the files are from; else the folder's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub package: Option<String>,
+    /// How much each model counts in what is learned; 1 unless given.
+    #[serde(default = "full", skip_serializing_if = "is_full")]
+    pub weight: f64,
+}
+
+fn full() -> f64 {
+    1.0
+}
+
+fn is_full(weight: &f64) -> bool {
+    *weight == full()
 }
 
 /// How a package keeps its models.
@@ -106,6 +122,7 @@ pub fn load_source(source: &SourceSpec) -> Result<Vec<NamedModel>, CadError> {
                 ));
             }
             model.mesh.normalise();
+            model.weight = source.weight;
             models.push(model);
         }
     }
@@ -124,9 +141,12 @@ impl SourceSpec {
         if self.category.is_some() && self.kind != SourceKind::Sweethome3d {
             return wrong("category belongs to kind sweethome3d; use include");
         }
-        let of_plain = self.up.is_some() || self.front.is_some() || self.licence.is_some();
-        if of_plain && self.kind != SourceKind::Plain {
-            return wrong("up, front and licence belong to kind plain; leave them out");
+        let of_plain = [self.up.is_some(), self.front.is_some(), self.licence.is_some(), self.package.is_some()];
+        if of_plain.contains(&true) && self.kind != SourceKind::Plain {
+            return wrong("up, front, licence and package belong to kind plain; leave them out");
+        }
+        if !(self.weight > 0.0 && self.weight <= 1.0) {
+            return wrong("weight must be above 0 and at most 1");
         }
         Ok(())
     }
@@ -165,7 +185,8 @@ impl SourceSpec {
                 let axes = Axes::new(up, front)
                     .ok_or_else(|| CadError::source(path, "up and front lie along one axis; give two"))?;
                 let folder = path.file_name().unwrap_or_default().to_string_lossy();
-                single(Box::new(Plain::open(path, "", &folder, licence, axes)?))
+                let package = self.package.as_deref().unwrap_or(&folder);
+                single(Box::new(Plain::open(path, "", package, licence, axes)?))
             }
         })
     }
@@ -190,7 +211,7 @@ fn libraries_in(path: &Path) -> Result<Vec<PathBuf>, CadError> {
 }
 
 /// Whether `name` fits `pattern`, in which `*` stands for any run of characters.
-fn matches(pattern: &str, name: &str) -> bool {
+pub fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
         Some((head, tail)) => name.strip_prefix(head).is_some_and(|rest| {

@@ -55,6 +55,7 @@ impl Library for SweetHome {
                 .clone()
                 .unwrap_or_else(|| self.catalogue.licence.clone()),
             mesh: model(&mut self.archive, entry)?,
+            weight: 1.0,
         })
     }
 }

@@ -41,6 +41,7 @@ impl Library for Torcs {
             source: "torcs-data".to_owned(),
             licence: licence(&mut self.archive, name)?,
             mesh: car(&mut self.archive, name)?,
+            weight: 1.0,
         })
     }
 }

@@ -43,6 +43,7 @@ impl Library for Trigger {
             source: "trigger-rally-data".to_owned(),
             licence: "GPL-2.0-or-later".to_owned(),
             mesh: vehicle(&mut self.archive, file)?,
+            weight: 1.0,
         })
     }
 }

@@ -3,7 +3,7 @@
 use super::learn::{Correspondences, LearnError, tree_of};
 use super::{LearnedPrior, ShapePrior};
 use crate::cad::OutsideSample;
-use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Vector3};
 use rayon::prelude::*;
 
 type V3 = Vector3<f64>;
@@ -23,12 +23,21 @@ pub struct FitError {
     pub by_correspondence: f64,
     /// Mean, s by minimising the Chamfer distance to the held-out shape's outside.
     pub by_chamfer: f64,
-    /// `by_chamfer` of every shape, in order.
-    pub each: Vec<f64>,
+    /// The fits by Chamfer distance to every shape, in order.
+    pub each: Vec<Fit>,
 }
 
-/// Makes a prior of corresponded shapes.
-pub type Learner<'a> = dyn Fn(&[Vec<f64>]) -> Result<LearnedPrior, LearnError> + Sync + 'a;
+/// A fit to a shape left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// In diagonals.
+    pub chamfer: f64,
+    /// What the prior's own −log p, up to a constant, asks a length for: the style, with the free form where there is one.
+    pub style: Vec<f64>,
+}
+
+/// Makes a prior of the models with these indices.
+pub type Learner<'a> = dyn Fn(&[usize]) -> Result<LearnedPrior, LearnError> + Sync + 'a;
 
 /// ½ of both mean nearest-neighbour distances.
 pub fn chamfer(a: &[V3], b: &[V3]) -> f64 {
@@ -64,17 +73,21 @@ pub fn leave_one_out(
     learners: &[Box<Learner>],
     points: usize,
 ) -> Result<Vec<FitError>, LearnError> {
-    let held: Vec<Vec<(f64, f64)>> = (0..truth.len())
+    let held: Vec<Vec<(f64, Fit)>> = (0..truth.len())
         .into_par_iter()
         .map(|out| {
-            let rest = rest_of(correspondences, group, out);
+            let rest = rest_of(group, out);
             let own = points_of(&correspondences.shapes[out], points);
             let errors = learners.iter().map(|learner| {
                 let prior = learner(&rest)?;
                 let corresponded = fit(&prior, points, 0.0, |_| own.iter().map(|&x| (x, 1.0)).collect());
                 let fitted = style_of(&prior, &truth[out].points, points);
                 let error = |style: &[f64]| chamfer(&shape(&prior, style, points), &truth[out].points);
-                Ok((error(&corresponded), error(&fitted)))
+                let fit = Fit {
+                    chamfer: error(&fitted),
+                    style: fitted,
+                };
+                Ok((error(&corresponded), fit))
             });
             errors.collect()
         })
@@ -82,10 +95,10 @@ pub fn leave_one_out(
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
     Ok((0..learners.len())
         .map(|k| {
-            let (corresponded, each): (Vec<f64>, Vec<f64>) = held.iter().map(|errors| errors[k]).unzip();
+            let (corresponded, each): (Vec<f64>, Vec<Fit>) = held.iter().map(|errors| errors[k].clone()).unzip();
             FitError {
                 by_correspondence: mean(&corresponded),
-                by_chamfer: mean(&each),
+                by_chamfer: mean(&each.iter().map(|fit| fit.chamfer).collect::<Vec<_>>()),
                 each,
             }
         })
@@ -93,9 +106,8 @@ pub fn leave_one_out(
 }
 
 /// All shapes but those of `out`'s group.
-pub(super) fn rest_of(correspondences: &Correspondences, group: &[usize], out: usize) -> Vec<Vec<f64>> {
-    let others = (0..group.len()).filter(|&m| group[m] != group[out]);
-    others.map(|m| correspondences.shapes[m].clone()).collect()
+pub(super) fn rest_of(group: &[usize], out: usize) -> Vec<usize> {
+    (0..group.len()).filter(|&m| group[m] != group[out]).collect()
 }
 
 /// The first `count` points of X(s).
@@ -153,16 +165,18 @@ fn fit(prior: &LearnedPrior, points: usize, ridge: f64, pulls: impl Fn(&[V3]) ->
         let ridge = ridge * points as f64;
         let mut normal = DMatrix::identity(styles, styles) * ridge;
         let mut right = -ridge * &style;
-        let rows = jacobian.chunks_exact(styles);
-        let pulled = current
-            .iter()
-            .zip(pulls(&current))
-            .flat_map(|(x, (goal, weight))| <[f64; 3]>::from(goal - x).map(|residual| (residual, weight)));
-        for (row, (residual, weight)) in rows.zip(pulled) {
-            let row = DVectorView::from_slice(row, styles);
-            right.axpy(weight * residual, &row, 1.0);
-            normal.ger(weight, &row, &row, 1.0);
+        // Row-major: as nalgebra's column-major matrix, the transpose.
+        let transposed = DMatrixView::from_slice(&jacobian, styles, 3 * points);
+        let mut weighted = transposed.clone_owned();
+        let mut residuals = DVector::zeros(3 * points);
+        for (i, (x, (goal, weight))) in current.iter().zip(pulls(&current)).enumerate() {
+            for axis in 0..3 {
+                weighted.column_mut(3 * i + axis).scale_mut(weight);
+                residuals[3 * i + axis] = goal[axis] - x[axis];
+            }
         }
+        right.gemv(1.0, &weighted, &residuals, 1.0);
+        normal.gemm(1.0, &weighted, &transposed.transpose(), 1.0);
         let Some(step) = normal.cholesky().map(|c| c.solve(&right)) else {
             break;
         };
@@ -230,9 +244,11 @@ mod tests {
         let groups: Vec<usize> = (0..6).collect();
         let learners: Vec<Box<Learner>> = [0, 1, 2]
             .map(|styles| {
-                let normals = correspondences.normals.clone();
-                let learner = move |shapes: &[Vec<f64>]| {
-                    let prior = LinearPrior::from_correspondences(shapes, normals.clone(), styles)?.0;
+                let (shapes, normals) = (&correspondences.shapes, &correspondences.normals);
+                let learner = move |models: &[usize]| {
+                    let shapes: Vec<_> = models.iter().map(|&m| shapes[m].clone()).collect();
+                    let weights = vec![1.0; shapes.len()];
+                    let prior = LinearPrior::from_correspondences(&shapes, &weights, normals.clone(), styles)?.0;
                     Ok(LearnedPrior::from(prior))
                 };
                 Box::new(learner) as Box<Learner>

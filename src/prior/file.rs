@@ -1,9 +1,12 @@
-//! The prior's file: safetensors with `mean` \[N, 3\] f32, `basis` \[S + M, N, 3\] f16, `normals` \[N, 3\] f16, and
+//! The prior's file, schema 1 (schema 2, of surfaces, is in `surface`): safetensors with `mean` \[N, 3\] f32, `basis` \[S + M, N, 3\] f16, `normals` \[N, 3\] f16, and
 //! one metadata entry `spba_prior` holding [`PriorInfo`] as JSON. A decoder's hidden layers k = 0, 1, … are `hidden.k.weight`
 //! \[outputs, inputs\] and `hidden.k.bias` \[outputs\], f32; M is the last one's outputs, 0 without. With
 //! `symmetry = "mirror_x"` the tensors over points hold every other one, and point 2i + 1 is point 2i reflected in x = 0.
 
+mod surface;
+
 use super::ShapePrior;
+use super::field::FieldScale;
 use super::learned::{Layer, LearnedPrior};
 use super::linear::{InvalidPrior, LinearPrior};
 use crate::geometry::OBJECT_FRAME;
@@ -14,8 +17,9 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The schema this build reads and writes.
+/// The schemas this build reads and writes: of points, and of surfaces.
 const SCHEMA: u32 = 1;
+const SURFACE_SCHEMA: u32 = 2;
 const METADATA_KEY: &str = "spba_prior";
 /// Priors that ship inside the library.
 const BUNDLED: [(&str, &[u8]); 3] = [
@@ -50,6 +54,9 @@ pub struct PriorInfo {
     pub hidden: Vec<usize>,
     /// N.
     pub points: usize,
+    /// The smooth random field of a prior of surfaces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub free_form: Option<FreeFormInfo>,
     /// The command that learned it.
     pub command: String,
     pub seed: u64,
@@ -70,6 +77,15 @@ pub struct PriorSource {
     pub licence: String,
 }
 
+/// What the free form of a prior of surfaces is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FreeFormInfo {
+    /// The terms of its covariance.
+    pub scales: Vec<FieldScale>,
+    /// The amplitude of asymmetric modes in units of the symmetric ones'.
+    pub asymmetry: f64,
+}
+
 /// What stands between the style and the output layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -78,6 +94,8 @@ pub enum PriorKind {
     Linear,
     /// Hidden layers.
     Decoder,
+    /// Nothing, and points lie on a mesh that goes along.
+    Surface,
 }
 
 impl std::fmt::Display for PriorKind {
@@ -85,6 +103,7 @@ impl std::fmt::Display for PriorKind {
         formatter.write_str(match self {
             Self::Linear => "linear",
             Self::Decoder => "decoder",
+            Self::Surface => "surface",
         })
     }
 }
@@ -121,7 +140,7 @@ pub enum PriorError {
     NotSafetensors { path: PathBuf, reason: String },
     #[error("{}: not a shape prior (metadata `{METADATA_KEY}` {reason}): make one with `spba-ceres prior learn`", path.display())]
     Metadata { path: PathBuf, reason: String },
-    #[error("{}: prior schema {found}, this build reads {SCHEMA}: learn the prior again with this version", path.display())]
+    #[error("{}: prior schema {found}, this build reads {SCHEMA} and {SURFACE_SCHEMA}: learn the prior again with this version", path.display())]
     Version { path: PathBuf, found: u64 },
     #[error("{}: object frame `{found}`, this build's is `{OBJECT_FRAME}`: learn the prior again with this version", path.display())]
     Frame { path: PathBuf, found: String },
@@ -177,7 +196,10 @@ fn open_file(path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorError> {
 
 /// Writes `prior` beside `path`, then renames. The same prior and description give the same bytes.
 pub fn save(path: &Path, prior: &LearnedPrior, info: &PriorInfo) -> Result<(), PriorError> {
-    let bytes = to_bytes(prior, info)?;
+    let bytes = match prior.surface() {
+        Some(found) => surface::to_bytes(found, info)?,
+        None => to_bytes(prior, info)?,
+    };
     crate::files::write_whole(path, &bytes).map_err(|source| PriorError::Write {
         path: path.to_owned(),
         source,
@@ -201,7 +223,7 @@ fn to_bytes(prior: &LearnedPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorErro
     let count = kept.len() / 3;
     let normals = output.normals().iter().step_by(stride).flatten();
     let basis = (0..features).flat_map(|k| kept.iter().map(move |&row| basis[row * features + k]));
-    let mut tensors: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = vec![
+    let mut tensors: Vec<Tensor> = vec![
         (
             "mean".to_owned(),
             Dtype::F32,
@@ -233,6 +255,13 @@ fn to_bytes(prior: &LearnedPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorErro
             single(bias.iter().copied()),
         ));
     }
+    serialised(&tensors, info)
+}
+
+/// A tensor's name, type, shape and bytes.
+type Tensor = (String, Dtype, Vec<usize>, Vec<u8>);
+
+fn serialised(tensors: &[Tensor], info: &PriorInfo) -> Result<Vec<u8>, PriorError> {
     let invalid = |reason: String| PriorError::Tensor {
         path: PathBuf::new(),
         tensor: "basis".to_owned(),
@@ -286,6 +315,9 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorEr
     let file = SafeTensors::deserialize(bytes).map_err(|e| broken(e.to_string()))?;
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| broken(e.to_string()))?;
     let info = info(header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY)), path)?;
+    if info.schema == SURFACE_SCHEMA {
+        return Ok((surface::parse(&file, &info, path)?, info));
+    }
     let mirrored = info.symmetry == Symmetry::MirrorX;
     let count = if mirrored { info.points / 2 } else { info.points };
     let tensor = |name: &str, shape: &[usize], dtype| numbers(&file, path, name, shape, dtype);
@@ -342,7 +374,7 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
     let value: serde_json::Value =
         serde_json::from_str(json).map_err(|e| wrong(format!("is no JSON: {e}")))?;
     match value.get("schema").and_then(serde_json::Value::as_u64) {
-        Some(found) if found == u64::from(SCHEMA) => {}
+        Some(found) if found == u64::from(SCHEMA) || found == u64::from(SURFACE_SCHEMA) => {}
         Some(found) => {
             return Err(PriorError::Version {
                 path: path.to_owned(),
@@ -356,6 +388,12 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
         return Err(wrong(
             "must name hidden layers if and only if its kind is decoder".to_owned(),
         ));
+    }
+    let of_surface = info.schema == SURFACE_SCHEMA;
+    if (info.kind == PriorKind::Surface) != of_surface || info.free_form.is_some() != of_surface {
+        return Err(wrong(format!(
+            "must be of kind surface with a free form if and only if its schema is {SURFACE_SCHEMA}"
+        )));
     }
     if info.frame != OBJECT_FRAME {
         return Err(PriorError::Frame {
@@ -395,6 +433,9 @@ fn numbers(
         Dtype::F32 => chunks(view.data())
             .map(|b| f64::from(f32::from_le_bytes(b)))
             .collect(),
+        Dtype::U32 => chunks(view.data())
+            .map(|b| f64::from(u32::from_le_bytes(b)))
+            .collect(),
         _ => chunks(view.data())
             .map(|b| f16::from_le_bytes(b).to_f64())
             .collect(),
@@ -413,18 +454,21 @@ impl PriorInfo {
     /// The description of `prior`, mirrored, by this version in the canonical frame.
     pub fn mirrored(category: &str, prior: &LearnedPrior) -> Self {
         let hidden: Vec<usize> = prior.hidden().iter().map(|layer| layer.bias.len()).collect();
+        let (schema, kind) = match (prior.surface(), hidden.is_empty()) {
+            (Some(_), _) => (SURFACE_SCHEMA, PriorKind::Surface),
+            (None, true) => (SCHEMA, PriorKind::Linear),
+            (None, false) => (SCHEMA, PriorKind::Decoder),
+        };
         Self {
-            schema: SCHEMA,
-            kind: match hidden.is_empty() {
-                true => PriorKind::Linear,
-                false => PriorKind::Decoder,
-            },
+            schema,
+            kind,
             category: category.to_owned(),
             frame: OBJECT_FRAME.to_owned(),
             symmetry: Symmetry::MirrorX,
             styles: prior.style_len(),
             hidden,
             points: prior.point_count(),
+            free_form: None,
             command: String::new(),
             seed: 0,
             explained_variance: Vec::new(),

@@ -60,7 +60,7 @@ pub fn frame_errors(
     (0..correspondences.shapes.len())
         .into_par_iter()
         .map(|out| {
-            let rest = rest_of(correspondences, group, out);
+            let rest = rest_of(group, out);
             let prior = learner(&rest)?;
             let shape = points_of(&correspondences.shapes[out], points);
             let known = match known {
@@ -164,7 +164,7 @@ mod tests {
         };
         let family = [0.9, 1.0, 1.1, 1.2].map(member);
         let normals = vec![[0.0, 1.0, 0.0]; 500];
-        let (prior, _) = LinearPrior::from_correspondences(&family, normals, 1).unwrap();
+        let (prior, _) = LinearPrior::from_correspondences(&family, &vec![1.0; family.len()], normals, 1).unwrap();
         let prior = LearnedPrior::from(prior);
         let truth = FrameError {
             scale: 0.97,

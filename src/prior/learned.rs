@@ -3,8 +3,10 @@
 
 use super::learn::spacing;
 use super::linear::InvalidPrior;
+use super::surface::{FreeForm, SurfacePrior};
 use super::{LinearPrior, ShapePrior};
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Vector3};
+use std::sync::Arc;
 
 /// A hidden layer: y = tanh(W x + b), W with a row per output.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +21,7 @@ pub struct LearnedPrior {
     style_len: usize,
     hidden: Vec<Layer>,
     output: LinearPrior,
+    surface: Option<Arc<SurfacePrior>>,
 }
 
 impl From<LinearPrior> for LearnedPrior {
@@ -27,6 +30,7 @@ impl From<LinearPrior> for LearnedPrior {
             style_len: output.style_len(),
             hidden: Vec::new(),
             output,
+            surface: None,
         }
     }
 }
@@ -71,7 +75,22 @@ impl LearnedPrior {
             style_len,
             hidden,
             output,
+            surface: None,
         })
+    }
+
+    /// The points of a prior of surfaces, moved by its style.
+    pub fn of_surface(surface: SurfacePrior) -> Result<Self, InvalidPrior> {
+        let points = surface.at_points(2 * surface.half_points().len(), FreeForm::None)?;
+        Ok(Self {
+            surface: Some(Arc::new(surface)),
+            ..Self::from(points)
+        })
+    }
+
+    /// The surface that the points lie on, where the prior has one.
+    pub fn surface(&self) -> Option<&SurfacePrior> {
+        self.surface.as_deref()
     }
 
     pub fn hidden(&self) -> &[Layer] {

@@ -29,6 +29,10 @@ pub enum InvalidPrior {
     NotFinite { what: &'static str, index: usize },
     #[error("normal {0} is not of unit length")]
     NotUnit(usize),
+    #[error("point {index} lies on no face of the {faces}")]
+    NoFace { index: usize, faces: usize },
+    #[error(transparent)]
+    Mesh(#[from] super::InvalidMesh),
 }
 
 impl LinearPrior {
@@ -73,14 +77,15 @@ impl LinearPrior {
         })
     }
 
-    /// The prior of `shapes`' first `style_len` principal components (fewer where there are fewer shapes), and
-    /// the share of the variance explained by the first k + 1 of them.
+    /// The prior of `shapes`' first `style_len` principal components (fewer where there are fewer shapes), each shape counting by its
+    /// weight, and the share of the variance explained by the first k + 1 of them.
     pub fn from_correspondences(
         shapes: &[Vec<f64>],
+        weights: &[f64],
         normals: Vec<[f32; 3]>,
         style_len: usize,
     ) -> Result<(Self, Vec<f64>), InvalidPrior> {
-        let found = super::learn::components(shapes, style_len);
+        let found = super::learn::components(shapes, weights, style_len);
         let style_len = found.modes.len();
         let basis = (0..found.mean.len())
             .flat_map(|row| found.modes.iter().map(move |mode| mode[row]))

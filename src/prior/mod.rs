@@ -1,21 +1,28 @@
 //! Learned, category-specific shape priors: X = G(s).
 
 mod evaluate;
+mod field;
 mod file;
 mod frame_error;
 mod glyphs;
 pub mod learn;
 mod learned;
 mod linear;
+mod mesh;
 mod sheet;
+mod surface;
+mod surface_sheet;
 
-pub use evaluate::{FitError, Learner, chamfer, leave_one_out, points_of, style_of};
+pub use evaluate::{Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub(crate) use file::bundled;
-pub use file::{PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
+pub use file::{FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
+pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, write_mesh};
+pub use field::{FieldModes, FieldScale, field_modes};
 pub use sheet::contact_sheet;
+pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 
 /// A shape prior: style → N points in the object frame, and the derivative.
 ///

@@ -1,5 +1,6 @@
 //! The contact sheet: the mean shape and each mode at ±2σ, drawn as shaded discs.
 
+use super::surface_sheet::surface_sheet;
 use super::{LearnedPrior, ShapePrior, glyphs};
 use crate::image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
@@ -24,9 +25,12 @@ const REAR_QUARTER: (f64, f64) = (-140.0, 18.0);
 const SIDE: (f64, f64) = (-90.0, 0.0);
 const FRONT: (f64, f64) = (0.0, 0.0);
 
-/// Draws the first row: the mean from four sides; then a row a mode: −2σ from three quarters and the side, +2σ
+/// A prior of surfaces as [`surface_sheet`] has it; of points, draws the first row: the mean from four sides; then a row a mode: −2σ from three quarters and the side, +2σ
 /// likewise. At most `modes` modes.
 pub fn contact_sheet(prior: &LearnedPrior, modes: usize) -> RgbImage {
+    if let Some(surface) = prior.surface() {
+        return surface_sheet(surface, modes);
+    }
     let modes = modes.min(prior.style_len());
     let cell = cell(prior);
     let row_height = cell.1 + MARGIN;

@@ -50,6 +50,8 @@ pub struct Learning<'a> {
     #[cfg_attr(not(feature = "training"), expect(dead_code))]
     pub network: &'a Network,
     pub shapes: &'a [Vec<f64>],
+    /// How much each shape counts.
+    pub weights: &'a [f64],
     pub normals: &'a [[f32; 3]],
 }
 
@@ -65,10 +67,13 @@ impl Learning<'_> {
     ) -> Result<(LearnedPrior, Vec<f64>), LearnError> {
         let mut shapes = self.shapes.to_vec();
         shapes.extend(augmented(&shapes, self.models.augment, self.models.seed));
+        // A shape made of several counts fully.
+        let mut weights = self.weights.to_vec();
+        weights.resize(shapes.len(), 1.0);
         match kind {
             Kind::Linear => {
                 let (prior, explained) =
-                    LinearPrior::from_correspondences(&shapes, self.normals.to_vec(), styles)?;
+                    LinearPrior::from_correspondences(&shapes, &weights, self.normals.to_vec(), styles)?;
                 Ok((prior.into(), explained))
             }
             Kind::Decoder => Ok((self.decoder(&shapes, styles, checkpoint, see)?, Vec::new())),

@@ -1,15 +1,17 @@
 //! `spba-ceres prior`: learn, judge and show shape priors.
 
 mod learning;
+mod surface;
 
 use super::progress::interruption;
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use learning::{Kind, Learning, Network};
 use serde::Deserialize;
-use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
+use spba_ceres::cad::{NamedModel, SourceSpec, load_source, matches};
 use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
 use spba_ceres::prior::{self, PriorInfo, PriorSource, ShapePrior};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -43,6 +45,12 @@ struct Learn {
     /// The .safetensors file to write.
     #[arg(long)]
     out: PathBuf,
+    /// Learn a prior of surfaces: an OBJ file with the half x >= 0 of a closed mesh to draw onto the models.
+    #[arg(long)]
+    template: Option<PathBuf>,
+    /// Surfaces: also write the template drawn onto each model, an OBJ file each, to this folder.
+    #[arg(long, requires = "template")]
+    meshes: Option<PathBuf>,
     /// S.
     #[arg(long, default_value_t = 16)]
     styles: usize,
@@ -60,6 +68,9 @@ struct Eval {
     kinds: Vec<Kind>,
     #[command(flatten)]
     network: Network,
+    /// Judge priors of surfaces, with and without free form: as for `learn`.
+    #[arg(long, conflicts_with = "kinds")]
+    template: Option<PathBuf>,
     /// Values of S to try; 0 is the mean shape.
     #[arg(long, value_delimiter = ',', default_value = "0,4,8,16,32")]
     styles: Vec<usize>,
@@ -114,7 +125,20 @@ pub struct SourceList {
     /// Sets of models so alike that `eval` holds them out together.
     #[serde(default)]
     near_duplicates: Vec<Vec<String>>,
+    /// Names for tables, each with the models that it stands for, `*` standing for any run of characters.
+    #[serde(default)]
+    kinds: BTreeMap<String, Vec<String>>,
     pub source: Vec<SourceSpec>,
+}
+
+impl SourceList {
+    fn kind_of(&self, model: &str) -> &str {
+        let kind = self
+            .kinds
+            .iter()
+            .find(|(_, patterns)| patterns.iter().any(|pattern| matches(pattern, model)));
+        kind.map_or("other", |(name, _)| name)
+    }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -147,6 +171,9 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
             checkpoint.display()
         );
     }
+    if let Some(template) = &args.template {
+        return surface::learn(args, template);
+    }
     let (list, models) = load_models(&args.models.sources)?;
     let refuse_styles = |possible: usize| {
         anyhow::ensure!(
@@ -167,6 +194,7 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
         models: &args.models,
         network: &args.network,
         shapes: &found.shapes,
+        weights: &models.iter().map(|model| model.weight).collect::<Vec<_>>(),
         normals: &found.normals,
     };
     // Principal components have no state to keep: Ctrl-C ends them at once.
@@ -180,14 +208,11 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
             !interrupted.load(Ordering::SeqCst)
         })?;
     refuse_styles(prior.style_len())?;
-    let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
-    licences.sort();
-    licences.dedup();
     let info = PriorInfo {
         command: args.command(),
         seed: args.models.seed,
         explained_variance: explained,
-        licences,
+        licences: licences(&models),
         sources: models.iter().map(source_of).collect(),
         ..PriorInfo::mirrored(&list.category, &prior)
     };
@@ -222,6 +247,9 @@ impl Learn {
             self.points,
             self.models.words()
         );
+        if let Some(template) = &self.template {
+            command += &format!(" --template {}", portable(template));
+        }
         if self.kind == Kind::Decoder {
             command += &format!(" --width {} --steps {}", self.network.width, self.network.steps);
         }
@@ -239,6 +267,14 @@ pub fn portable(path: &Path) -> String {
     name.unwrap_or_default().to_string_lossy().into_owned()
 }
 
+/// Each once.
+fn licences(models: &[NamedModel]) -> Vec<String> {
+    let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
+    licences.sort();
+    licences.dedup();
+    licences
+}
+
 fn source_of(model: &NamedModel) -> PriorSource {
     PriorSource {
         model: model.name.clone(),
@@ -248,6 +284,9 @@ fn source_of(model: &NamedModel) -> PriorSource {
 }
 
 fn eval(args: &Eval) -> anyhow::Result<()> {
+    if let Some(template) = &args.template {
+        return surface::eval(args, template);
+    }
     args.kinds.iter().try_for_each(|kind| kind.check())?;
     let options = args.models.options(args.points.max(8192));
     options.check()?;
@@ -261,14 +300,18 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     // More points are corresponded better; the first of them are an even sample.
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?.first(args.points);
     let groups = groups(&models, &list.near_duplicates)?;
+    let weights: Vec<f64> = models.iter().map(|model| model.weight).collect();
     let learner = |(kind, styles): (Kind, usize)| -> Box<prior::Learner> {
-        let (models, network, normals) = (&args.models, &args.network, &found.normals);
-        Box::new(move |shapes| {
+        let (args, found, weights) = (&args, &found, &weights);
+        Box::new(move |of| {
+            let shapes: Vec<_> = of.iter().map(|&m| found.shapes[m].clone()).collect();
+            let weights: Vec<f64> = of.iter().map(|&m| weights[m]).collect();
             let learning = Learning {
-                models,
-                network,
-                shapes,
-                normals,
+                models: &args.models,
+                network: &args.network,
+                shapes: &shapes,
+                weights: &weights,
+                normals: &found.normals,
             };
             Ok(learning.learn(kind, styles, None, &mut |_, _| true)?.0)
         })
@@ -332,7 +375,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     {
         println!("\n{:<32} {:>10} {:>10}", "model", "by Chamfer", "floor");
         for ((model, error), own) in models.iter().zip(&last.each).zip(&own) {
-            println!("{:<32} {:>10.3} {:>10.3}", model.name, 100.0 * error, 100.0 * own);
+            println!("{:<32} {:>10.3} {:>10.3}", model.name, 100.0 * error.chamfer, 100.0 * own);
         }
     }
     Ok(())

@@ -269,7 +269,7 @@ mod tests {
             true
         })
         .unwrap();
-        let straight = LinearPrior::from_correspondences(&shapes, normals.clone(), 1)
+        let straight = LinearPrior::from_correspondences(&shapes, &vec![1.0; shapes.len()], normals.clone(), 1)
             .unwrap()
             .0;
         let (bent, straight) = (error(&learned, &shapes), error(&straight.into(), &shapes));

@@ -12,17 +12,19 @@ pub struct Components {
     pub explained: Vec<f64>,
 }
 
-/// The first `count` components (at most M − 1) of `shapes`, M rows of D entries. A mode's sign is such that its
-/// entry of largest magnitude is positive.
-pub fn components(shapes: &[Vec<f64>], count: usize) -> Components {
+/// The first `count` components (at most M − 1) of `shapes`, M rows of D entries, each counting by its weight. A mode's sign is such
+/// that its entry of largest magnitude is positive.
+pub fn components(shapes: &[Vec<f64>], weights: &[f64], count: usize) -> Components {
     let shape_count = shapes.len();
     let length = shapes.first().map_or(0, Vec::len);
+    let total_weight: f64 = weights.iter().sum();
     let mean: Vec<f64> = (0..length)
-        .map(|i| shapes.iter().map(|s| s[i]).sum::<f64>() / shape_count as f64)
+        .map(|i| shapes.iter().zip(weights).map(|(s, w)| s[i] * w).sum::<f64>() / total_weight)
         .collect();
     let centred: Vec<Vec<f64>> = shapes
         .iter()
-        .map(|shape| shape.iter().zip(&mean).map(|(x, m)| x - m).collect())
+        .zip(weights)
+        .map(|(shape, weight)| shape.iter().zip(&mean).map(|(x, m)| (x - m) * weight.sqrt()).collect())
         .collect();
     let gram = DMatrix::from_fn(shape_count, shape_count, |a, b| {
         centred[a]
@@ -38,10 +40,12 @@ pub fn components(shapes: &[Vec<f64>], count: usize) -> Components {
     order.truncate(count.min(shape_count.saturating_sub(1)));
     let mut explained = Vec::with_capacity(order.len());
     let mut modes = Vec::with_capacity(order.len());
-    let degrees = (shape_count as f64 - 1.0).max(1.0);
+    // M − 1 where all weigh 1.
+    let squared: f64 = weights.iter().map(|w| w * w).sum();
+    let degrees = (total_weight - squared / total_weight).max(f64::MIN_POSITIVE);
     for &k in &order {
         explained.push(explained.last().copied().unwrap_or(0.0) + eigen.eigenvalues[k].max(0.0) / total);
-        // Σ_m v_m c_m has length √λ; the standard deviation is √(λ / (M − 1)).
+        // Σ_m v_m c_m has length √λ; the standard deviation is √(λ / degrees).
         let scale = degrees.sqrt().recip();
         let mut mode = vec![0.0; length];
         for (shape, weight) in centred.iter().zip(eigen.eigenvectors.column(k).iter()) {
@@ -78,7 +82,7 @@ mod tests {
             shape(1.0, -1.0),
             shape(-1.0, -1.0),
         ];
-        let found = components(&shapes, 2);
+        let found = components(&shapes, &[1.0; 4], 2);
         assert!(
             found
                 .mean
@@ -101,6 +105,15 @@ mod tests {
     }
 
     #[test]
+    fn a_shape_of_weight_two_counts_as_two() {
+        let [a, b, c] = [vec![0.0, 1.0], vec![2.0, 0.5], vec![-1.0, 3.0]];
+        let twice = components(&[a.clone(), b.clone(), b.clone(), c.clone()], &[1.0; 4], 1);
+        let weighted = components(&[a, b, c], &[1.0, 2.0, 1.0], 1);
+        let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(near(&twice.mean, &weighted.mean) && (twice.explained[0] - weighted.explained[0]).abs() < 1e-12);
+    }
+
+    #[test]
     fn all_components_reproduce_every_shape() {
         let shapes: Vec<Vec<f64>> = (0..5)
             .map(|m| {
@@ -109,7 +122,7 @@ mod tests {
                     .collect()
             })
             .collect();
-        let found = components(&shapes, 99);
+        let found = components(&shapes, &[1.0; 5], 99);
         assert_eq!(found.modes.len(), 4);
         for shape in &shapes {
             let mut rest: Vec<f64> = shape.iter().zip(&found.mean).map(|(x, m)| x - m).collect();

@@ -1,0 +1,316 @@
+//! A closed triangle mesh that is symmetric in x = 0, stored as its half x ≥ 0.
+
+use crate::cad::mirror;
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+type V3 = Vector3<f64>;
+
+/// How the vertices of a mirror-symmetric closed surface hang together.
+///
+/// The half's vertices come first. The whole has them, followed by the mirror images of those that do not lie on the seam.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MirroredMesh {
+    /// Faces of the half x ≥ 0, counter-clockwise seen from outside.
+    faces: Vec<[u32; 3]>,
+    /// Texture coordinates in \[0, 1\] per corner of the half's faces: u to the right, v up; u ≤ ½, the image's right half
+    /// is the mirror image's.
+    texture_coordinates: Vec<[[f32; 2]; 3]>,
+    /// Per vertex of the half: the index of its mirror image in the whole, its own on the seam.
+    image: Vec<u32>,
+}
+
+/// Why faces do not make the half of a closed surface.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum InvalidMesh {
+    #[error("face {face} names vertex {vertex} of {vertices}")]
+    NoVertex {
+        face: usize,
+        vertex: u32,
+        vertices: usize,
+    },
+    #[error("edge {0}-{1} has more than two faces, or two that are wound differently")]
+    NotManifold(u32, u32),
+    #[error("vertex {0} is of no face")]
+    Unused(usize),
+    #[error("{found} faces have texture coordinates, {expected} expected")]
+    TextureCoordinates { found: usize, expected: usize },
+}
+
+impl MirroredMesh {
+    /// `faces` over `vertices` vertices. Those on the half's boundary are its seam.
+    pub fn new(
+        vertices: usize,
+        faces: Vec<[u32; 3]>,
+        texture_coordinates: Vec<[[f32; 2]; 3]>,
+    ) -> Result<Self, InvalidMesh> {
+        if texture_coordinates.len() != faces.len() {
+            return Err(InvalidMesh::TextureCoordinates {
+                found: texture_coordinates.len(),
+                expected: faces.len(),
+            });
+        }
+        let mut used = vec![false; vertices];
+        let mut directed = BTreeMap::new();
+        for (face, corners) in faces.iter().enumerate() {
+            for (k, &vertex) in corners.iter().enumerate() {
+                *used.get_mut(vertex as usize).ok_or(InvalidMesh::NoVertex {
+                    face,
+                    vertex,
+                    vertices,
+                })? = true;
+                let next = corners[(k + 1) % 3];
+                if directed.insert((vertex, next), ()).is_some() {
+                    return Err(InvalidMesh::NotManifold(vertex, next));
+                }
+            }
+        }
+        if let Some(vertex) = used.iter().position(|used| !used) {
+            return Err(InvalidMesh::Unused(vertex));
+        }
+        let mut seam = vec![false; vertices];
+        for &(a, b) in directed.keys().filter(|(a, b)| !directed.contains_key(&(*b, *a))) {
+            seam[a as usize] = true;
+            seam[b as usize] = true;
+        }
+        let mut next = vertices as u32;
+        let image = (0..vertices as u32)
+            .map(|vertex| {
+                if seam[vertex as usize] {
+                    return vertex;
+                }
+                next += 1;
+                next - 1
+            })
+            .collect();
+        Ok(Self {
+            faces,
+            texture_coordinates,
+            image,
+        })
+    }
+
+    /// Vertices of the half.
+    pub fn half_len(&self) -> usize {
+        self.image.len()
+    }
+
+    /// Faces of the half, counter-clockwise seen from outside.
+    pub fn half_faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// Texture coordinates per corner of the half's faces.
+    pub fn half_texture_coordinates(&self) -> &[[[f32; 2]; 3]] {
+        &self.texture_coordinates
+    }
+
+    /// Whether a vertex of the half lies on the plane of symmetry, its own mirror image.
+    pub fn on_seam(&self, vertex: usize) -> bool {
+        self.image[vertex] as usize == vertex
+    }
+
+    /// Faces of the whole: those of the half, then their mirror images.
+    pub fn faces(&self) -> Vec<[u32; 3]> {
+        let mirrored = self
+            .faces
+            .iter()
+            .map(|&[a, b, c]| [c, b, a].map(|v| self.image[v as usize]));
+        self.faces.iter().copied().chain(mirrored).collect()
+    }
+
+    /// Texture coordinates of the whole's faces, in the order of [`MirroredMesh::faces`].
+    pub fn texture_coordinates(&self) -> Vec<[[f32; 2]; 3]> {
+        let mirrored = self
+            .texture_coordinates
+            .iter()
+            .map(|&[a, b, c]| [c, b, a].map(|[u, v]| [1.0 - u, v]));
+        self.texture_coordinates
+            .iter()
+            .copied()
+            .chain(mirrored)
+            .collect()
+    }
+
+    /// The whole's vertices from those of the half, if the shape is symmetric.
+    pub fn whole(&self, half: &[V3]) -> Vec<V3> {
+        let others = (0..half.len()).filter(|&v| !self.on_seam(v));
+        half.iter().copied().chain(others.map(|v| mirror(&half[v]))).collect()
+    }
+
+    /// Edges of the half, each once, lower vertex first.
+    pub fn half_edges(&self) -> Vec<[usize; 2]> {
+        let mut edges: Vec<[usize; 2]> = self
+            .faces
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+            .map(|[a, b]| [a.min(b) as usize, a.max(b) as usize])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    /// Outward unit normals at the half's vertices, weighted by area; on the seam they have no x.
+    pub fn half_normals(&self, half: &[V3]) -> Vec<V3> {
+        let mut normals = vec![V3::zeros(); half.len()];
+        for face in &self.faces {
+            let cross = area_normal(half, face);
+            face.iter().for_each(|&v| normals[v as usize] += cross);
+        }
+        for (vertex, normal) in normals.iter_mut().enumerate() {
+            if self.on_seam(vertex) {
+                normal.x = 0.0;
+            }
+            *normal = normal.try_normalize(1e-18).unwrap_or(V3::y());
+        }
+        normals
+    }
+}
+
+/// Writes an OBJ file.
+pub fn write_mesh(path: &Path, vertices: &[V3], faces: &[[u32; 3]]) -> std::io::Result<()> {
+    let mut text = String::new();
+    for v in vertices {
+        text += &format!("v {:.6} {:.6} {:.6}\n", v.x, v.y, v.z);
+    }
+    for [a, b, c] in faces.iter().map(|face| face.map(|v| v + 1)) {
+        text += &format!("f {a} {b} {c}\n");
+    }
+    crate::files::write_whole(path, text.as_bytes())
+}
+
+/// Twice the area of a face, along its normal.
+pub(super) fn area_normal(vertices: &[V3], face: &[u32; 3]) -> V3 {
+    let [a, b, c] = face.map(|v| vertices[v as usize]);
+    (b - a).cross(&(c - a))
+}
+
+/// How a mesh bent onto a shape looks, against the mesh as it was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Distortion {
+    /// Share of the faces that [`turned_over`] names.
+    pub folded: f64,
+    /// Share of the faces stretched three times as much in one direction as in the other.
+    pub stretched: f64,
+    /// The growth in area that all but 5 % of the faces exceed, and that 5 % exceed: their ratio.
+    pub area_spread: f64,
+}
+
+/// Compares the half `bent` with the half at `rest`.
+pub fn distortion(mesh: &MirroredMesh, rest: &[V3], bent: &[V3]) -> Distortion {
+    let faces = mesh.half_faces();
+    let stretch: Vec<[f64; 2]> = faces
+        .iter()
+        .map(|face| singular_values(face.map(|v| rest[v as usize]), face.map(|v| bent[v as usize])))
+        .collect();
+    let share = |count: usize| count as f64 / faces.len().max(1) as f64;
+    let mut areas: Vec<f64> = stretch.iter().map(|[large, small]| large * small).collect();
+    areas.sort_by(f64::total_cmp);
+    let at = |part: f64| areas.get((part * areas.len() as f64) as usize).copied().unwrap_or(1.0);
+    let folded = turned_over(mesh, rest, bent);
+    Distortion {
+        folded: share(folded.iter().filter(|&&folded| folded).count()),
+        stretched: share(stretch.iter().filter(|[large, small]| *large > 3.0 * small).count()),
+        area_spread: at(0.95) / at(0.05).max(1e-12),
+    }
+}
+
+/// Which faces of the half came to lie the wrong way: more than 120° from where they faced at rest, or from a neighbour that they were
+/// less than 60° from at rest.
+pub fn turned_over(mesh: &MirroredMesh, rest: &[V3], bent: &[V3]) -> Vec<bool> {
+    let faces = mesh.half_faces();
+    let normals = |half: &[V3]| -> Vec<V3> {
+        let normal = |face| area_normal(half, face).try_normalize(1e-18).unwrap_or_default();
+        faces.iter().map(normal).collect()
+    };
+    let (before, after) = (normals(rest), normals(bent));
+    let mut wrong: Vec<bool> = before.iter().zip(&after).map(|(b, a)| a.dot(b) < -0.5).collect();
+    let mut first = BTreeMap::new();
+    for (index, &[a, b, c]) in faces.iter().enumerate() {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            let edge = (from.min(to), from.max(to));
+            let Some(other) = first.insert(edge, index) else {
+                continue;
+            };
+            if after[index].dot(&after[other]) < -0.5 && before[index].dot(&before[other]) > 0.5 {
+                wrong[index] = true;
+                wrong[other] = true;
+            }
+        }
+    }
+    wrong
+}
+
+/// How much a triangle is stretched along and across, larger first.
+fn singular_values(rest: [V3; 3], bent: [V3; 3]) -> [f64; 2] {
+    let (u, v) = (rest[1] - rest[0], rest[2] - rest[0]);
+    let length = u.norm().max(1e-12);
+    let along = v.dot(&u) / length;
+    let across = (v - u * (along / length)).norm().max(1e-12);
+    let (p, q) = (bent[1] - bent[0], bent[2] - bent[0]);
+    // The columns of the 3 × 2 matrix that maps the flat triangle onto the bent one.
+    let first = p / length;
+    let second = (q - first * along) / across;
+    let (a, b, c) = (first.norm_squared(), first.dot(&second), second.norm_squared());
+    let root = ((a - c).powi(2) / 4.0 + b * b).sqrt();
+    [(a + c) / 2.0 + root, (a + c) / 2.0 - root].map(|square| square.max(0.0).sqrt())
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A half of the octahedron: one face a quadrant of x ≥ 0, the seam being the four corners in x = 0.
+    pub(crate) fn half_octahedron() -> (MirroredMesh, Vec<V3>) {
+        let corners = [V3::x(), V3::y(), V3::z(), -V3::y(), -V3::z()].map(|v| v * 0.5);
+        let faces = vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]];
+        let flat = vec![[[0.0, 0.0], [0.5, 0.0], [0.0, 1.0]]; 4];
+        (MirroredMesh::new(5, faces, flat).unwrap(), corners.into())
+    }
+
+    #[test]
+    fn the_whole_is_closed_and_faces_out() {
+        let (mesh, half) = half_octahedron();
+        let (faces, whole) = (mesh.faces(), mesh.whole(&half));
+        assert_eq!((faces.len(), whole.len()), (8, 6));
+        let volume: f64 = faces
+            .iter()
+            .map(|f| whole[f[0] as usize].dot(&area_normal(&whole, f)) / 6.0)
+            .sum();
+        assert!((volume - 1.0 / 6.0).abs() < 1e-12, "{volume}");
+        let closed = MirroredMesh::new(6, faces, vec![[[0.0; 2]; 3]; 8]).unwrap();
+        assert!((0..6).all(|v| !closed.on_seam(v)));
+        assert_eq!(mesh.half_normals(&half)[0], V3::x());
+        assert_eq!(mesh.half_normals(&half)[1], V3::y());
+    }
+
+    #[test]
+    fn what_is_no_surface_is_refused() {
+        let flat = |n| vec![[[0.0; 2]; 3]; n];
+        let refused = |faces: Vec<[u32; 3]>| {
+            let count = faces.len();
+            MirroredMesh::new(4, faces, flat(count)).unwrap_err()
+        };
+        assert!(matches!(refused(vec![[0, 1, 9]]), InvalidMesh::NoVertex { vertex: 9, .. }));
+        assert_eq!(refused(vec![[0, 1, 2], [0, 1, 3]]), InvalidMesh::NotManifold(0, 1));
+        assert_eq!(refused(vec![[0, 1, 2]]), InvalidMesh::Unused(3));
+    }
+
+    #[test]
+    fn folds_and_stretch_are_counted() {
+        // A strip of two triangles, flat.
+        let mesh = MirroredMesh::new(4, vec![[0, 1, 2], [1, 3, 2]], vec![[[0.0; 2]; 3]; 2]).unwrap();
+        let rest = [V3::zeros(), V3::x(), V3::y(), V3::x() + V3::y()];
+        assert_eq!(distortion(&mesh, &rest, &rest).folded, 0.0);
+        let mut bent = rest;
+        bent[3] = V3::new(0.1, 0.1, 0.01);
+        assert_eq!(distortion(&mesh, &rest, &bent).folded, 1.0);
+        let long = rest.map(|v| V3::new(4.0 * v.x, v.y, 0.0));
+        let found = distortion(&mesh, &rest, &long);
+        assert_eq!((found.folded, found.stretched), (0.0, 1.0));
+        let [large, small] = singular_values([rest[0], rest[1], rest[2]], [long[0], long[1], long[2]]);
+        assert!((large - 4.0).abs() < 1e-12 && (small - 1.0).abs() < 1e-12);
+    }
+}
