@@ -61,17 +61,22 @@ pub fn points_of(shape: &[f64], count: usize) -> Vec<V3> {
         .collect()
 }
 
+/// A sample that pulls is trusted to this, in diagonals, unless told otherwise; what the figures of earlier priors were measured with.
+pub const DEFAULT_NOISE: f64 = 0.143;
+
 /// Leaves each shape out in turn, together with all of its `group` (near-duplicates), and reconstructs it with what each of
 /// `learners` makes of the rest, at the first `points` points; errors are measured against `truth`, dense samples independent of
 /// those learned from.
 ///
-/// The correspondences are those of the whole collection: what is left out is left out of learning from them.
+/// Fits by Chamfer distance minimise ½‖s‖² + Σ d² / (2 noise²) over the distances of both ways, those from the shape weighing as much as
+/// those to it. The correspondences are those of the whole collection: what is left out is left out of learning from them.
 pub fn leave_one_out(
     correspondences: &Correspondences,
     truth: &[OutsideSample],
     group: &[usize],
     learners: &[Box<Learner>],
     points: usize,
+    noise: f64,
 ) -> Result<Vec<FitError>, LearnError> {
     let held: Vec<Vec<(f64, Fit)>> = (0..truth.len())
         .into_par_iter()
@@ -81,7 +86,7 @@ pub fn leave_one_out(
             let errors = learners.iter().map(|learner| {
                 let prior = learner(&rest)?;
                 let corresponded = fit(&prior, points, 0.0, |_| own.iter().map(|&x| (x, 1.0)).collect());
-                let fitted = style_of(&prior, &truth[out].points, points);
+                let fitted = fitted(&prior, &truth[out].points, points, noise * noise / points as f64);
                 let error = |style: &[f64]| chamfer(&shape(&prior, style, points), &truth[out].points);
                 let fit = Fit {
                     chamfer: error(&fitted),
@@ -144,9 +149,13 @@ fn nearest_both_ways(target: &[V3]) -> impl Fn(&[V3]) -> Vec<(V3, f64)> {
 
 /// The style whose first `points` points come nearest to `target`, dense samples of an outside, by their Chamfer distance.
 pub fn style_of(prior: &LearnedPrior, target: &[V3], points: usize) -> Vec<f64> {
+    fitted(prior, target, points, FIT_RIDGE)
+}
+
+fn fitted(prior: &LearnedPrior, target: &[V3], points: usize, ridge: f64) -> Vec<f64> {
     let stride = target.len().div_ceil(FIT_SAMPLES_PER_POINT * points).max(1);
     let target: Vec<V3> = target.iter().step_by(stride).copied().collect();
-    fit(prior, points, FIT_RIDGE, nearest_both_ways(&target))
+    fit(prior, points, ridge, nearest_both_ways(&target))
 }
 
 /// Gauss–Newton in the style towards where `pulls` draws the first `points` points, and how hard; these are renewed in every
@@ -254,7 +263,7 @@ mod tests {
                 Box::new(learner) as Box<Learner>
             })
             .into();
-        let found = leave_one_out(&correspondences, &truth, &groups, &learners, 600).unwrap();
+        let found = leave_one_out(&correspondences, &truth, &groups, &learners, 600, DEFAULT_NOISE).unwrap();
         assert!(found[0].by_correspondence > 0.01 && found[1].by_correspondence > 1e-3);
         assert!(found[2].by_correspondence < 1e-6, "{found:?}");
         assert!(found[2].by_chamfer < 0.3 * found[0].by_chamfer, "{found:?}");

@@ -13,7 +13,7 @@ mod sheet;
 mod surface;
 mod surface_sheet;
 
-pub use evaluate::{Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
+pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub(crate) use file::bundled;
 pub use file::{FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
 pub use frame_error::{FrameError, Known, frame_errors};

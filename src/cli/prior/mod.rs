@@ -77,6 +77,9 @@ struct Eval {
     /// Points the reconstruction is compared at.
     #[arg(long, default_value_t = 2048)]
     points: usize,
+    /// How far a sample is trusted when a shape is fitted, in diagonals: the less, the more the prior's likelihood counts.
+    #[arg(long, default_value_t = prior::DEFAULT_NOISE)]
+    noise: f64,
     /// Also print every held-out model's error with the most components.
     #[arg(long)]
     each: bool,
@@ -323,7 +326,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         .filter(|&(kind, styles)| kind == Kind::Linear || styles > 0)
         .collect();
     let learners: Vec<_> = ways.iter().map(|&way| learner(way)).collect();
-    let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points)?;
+    let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points, args.noise)?;
     bar.0.finish_and_clear();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal",

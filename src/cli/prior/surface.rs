@@ -7,7 +7,7 @@ use spba_ceres::prior::learn::{
     Correspondences, Progress, SurfaceOptions, TrainingShape, field_scales, register_all, residual_covariogram, surface_prior,
 };
 use spba_ceres::prior::{
-    self, Distortion, FieldScale, FreeForm, FreeFormInfo, LearnedPrior, MirroredMesh, PriorInfo, ShapePrior, distortion,
+    self, Distortion, FieldScale, FreeForm, FreeFormInfo, LearnedPrior, MirroredMesh, PriorInfo, distortion,
 };
 use std::path::Path;
 
@@ -216,7 +216,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         .flat_map(|form| args.styles.iter().map(move |&styles| (styles, form)))
         .collect();
     let learners: Vec<_> = ways.iter().map(|&(styles, form)| learner(styles, form)).collect();
-    let errors = prior::leave_one_out(&correspondences, &truth, &found.group, &learners, args.points)?;
+    let errors = prior::leave_one_out(&correspondences, &truth, &found.group, &learners, args.points, args.noise)?;
     bar.0.finish_and_clear();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal; free form {}, learned from what {most} styles leave",
