@@ -141,7 +141,12 @@ impl SourceSpec {
         if self.category.is_some() && self.kind != SourceKind::Sweethome3d {
             return wrong("category belongs to kind sweethome3d; use include");
         }
-        let of_plain = [self.up.is_some(), self.front.is_some(), self.licence.is_some(), self.package.is_some()];
+        let of_plain = [
+            self.up.is_some(),
+            self.front.is_some(),
+            self.licence.is_some(),
+            self.package.is_some(),
+        ];
         if of_plain.contains(&true) && self.kind != SourceKind::Plain {
             return wrong("up, front, licence and package belong to kind plain; leave them out");
         }

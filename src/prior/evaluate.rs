@@ -100,7 +100,8 @@ pub fn leave_one_out(
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
     Ok((0..learners.len())
         .map(|k| {
-            let (corresponded, each): (Vec<f64>, Vec<Fit>) = held.iter().map(|errors| errors[k].clone()).unzip();
+            let (corresponded, each): (Vec<f64>, Vec<Fit>) =
+                held.iter().map(|errors| errors[k].clone()).unzip();
             FitError {
                 by_correspondence: mean(&corresponded),
                 by_chamfer: mean(&each.iter().map(|fit| fit.chamfer).collect::<Vec<_>>()),
@@ -257,7 +258,8 @@ mod tests {
                 let learner = move |models: &[usize]| {
                     let shapes: Vec<_> = models.iter().map(|&m| shapes[m].clone()).collect();
                     let weights = vec![1.0; shapes.len()];
-                    let prior = LinearPrior::from_correspondences(&shapes, &weights, normals.clone(), styles)?.0;
+                    let prior =
+                        LinearPrior::from_correspondences(&shapes, &weights, normals.clone(), styles)?.0;
                     Ok(LearnedPrior::from(prior))
                 };
                 Box::new(learner) as Box<Learner>

@@ -60,7 +60,9 @@ fn modes_of(points: &[V3], nodes: &[V3], scales: &[FieldScale], count: usize, si
             column.neg_mut();
         }
     }
-    DMatrix::from_fn(points.len(), nodes.len(), |i, j| covariance(&points[i], &nodes[j])) * weights
+    DMatrix::from_fn(points.len(), nodes.len(), |i, j| {
+        covariance(&points[i], &nodes[j])
+    }) * weights
 }
 
 #[cfg(test)]
@@ -68,27 +70,45 @@ mod tests {
     use super::*;
 
     fn line() -> Vec<V3> {
-        (0..60).map(|i| V3::new(0.01 + 0.5 * f64::from(i % 6) / 6.0, f64::from(i / 6) / 10.0, 0.0)).collect()
+        (0..60)
+            .map(|i| V3::new(0.01 + 0.5 * f64::from(i % 6) / 6.0, f64::from(i / 6) / 10.0, 0.0))
+            .collect()
     }
 
     #[test]
     fn modes_have_the_covariance() {
         let points = line();
-        let scales = [FieldScale { amplitude: 0.3, length: 0.2 }, FieldScale { amplitude: 0.1, length: 0.1 }];
+        let scales = [
+            FieldScale {
+                amplitude: 0.3,
+                length: 0.2,
+            },
+            FieldScale {
+                amplitude: 0.1,
+                length: 0.1,
+            },
+        ];
         let FieldModes { even, odd } = field_modes(&points, &points, &scales, 60);
         let found = (&even * even.transpose() + &odd * odd.transpose()) / 2.0;
         for (i, a) in points.iter().enumerate() {
             for (j, b) in points.iter().enumerate() {
                 let squared = (a - b).norm_squared();
                 let expected = 0.09 * (-squared / 0.08).exp() + 0.01 * (-squared / 0.02).exp();
-                assert!((found[(i, j)] - expected).abs() < 2e-5, "{} {expected}", found[(i, j)]);
+                assert!(
+                    (found[(i, j)] - expected).abs() < 2e-5,
+                    "{} {expected}",
+                    found[(i, j)]
+                );
             }
         }
     }
 
     #[test]
     fn odd_modes_vanish_on_the_plane_of_symmetry() {
-        let scales = [FieldScale { amplitude: 1.0, length: 0.2 }];
+        let scales = [FieldScale {
+            amplitude: 1.0,
+            length: 0.2,
+        }];
         let found = field_modes(&[V3::new(0.0, 0.5, 0.0)], &line(), &scales, 10);
         assert!(found.odd.amax() < 1e-12 && found.even.amax() > 0.1);
         assert!(found.even.ncols() == 10);

@@ -164,7 +164,8 @@ mod tests {
         };
         let family = [0.9, 1.0, 1.1, 1.2].map(member);
         let normals = vec![[0.0, 1.0, 0.0]; 500];
-        let (prior, _) = LinearPrior::from_correspondences(&family, &vec![1.0; family.len()], normals, 1).unwrap();
+        let (prior, _) =
+            LinearPrior::from_correspondences(&family, &vec![1.0; family.len()], normals, 1).unwrap();
         let prior = LearnedPrior::from(prior);
         let truth = FrameError {
             scale: 0.97,

@@ -126,17 +126,16 @@ impl MirroredMesh {
             .texture_coordinates
             .iter()
             .map(|&[a, b, c]| [c, b, a].map(|[u, v]| [1.0 - u, v]));
-        self.texture_coordinates
-            .iter()
-            .copied()
-            .chain(mirrored)
-            .collect()
+        self.texture_coordinates.iter().copied().chain(mirrored).collect()
     }
 
     /// The whole's vertices from those of the half, if the shape is symmetric.
     pub fn whole(&self, half: &[V3]) -> Vec<V3> {
         let others = (0..half.len()).filter(|&v| !self.on_seam(v));
-        half.iter().copied().chain(others.map(|v| mirror(&half[v]))).collect()
+        half.iter()
+            .copied()
+            .chain(others.map(|v| mirror(&half[v])))
+            .collect()
     }
 
     /// Edges of the half, each once, lower vertex first.
@@ -208,11 +207,21 @@ pub fn distortion(mesh: &MirroredMesh, rest: &[V3], bent: &[V3]) -> Distortion {
     let share = |count: usize| count as f64 / faces.len().max(1) as f64;
     let mut areas: Vec<f64> = stretch.iter().map(|[large, small]| large * small).collect();
     areas.sort_by(f64::total_cmp);
-    let at = |part: f64| areas.get((part * areas.len() as f64) as usize).copied().unwrap_or(1.0);
+    let at = |part: f64| {
+        areas
+            .get((part * areas.len() as f64) as usize)
+            .copied()
+            .unwrap_or(1.0)
+    };
     let folded = turned_over(mesh, rest, bent);
     Distortion {
         folded: share(folded.iter().filter(|&&folded| folded).count()),
-        stretched: share(stretch.iter().filter(|[large, small]| *large > 3.0 * small).count()),
+        stretched: share(
+            stretch
+                .iter()
+                .filter(|[large, small]| *large > 3.0 * small)
+                .count(),
+        ),
         area_spread: at(0.95) / at(0.05).max(1e-12),
     }
 }
@@ -293,8 +302,14 @@ pub(super) mod tests {
             let count = faces.len();
             MirroredMesh::new(4, faces, flat(count)).unwrap_err()
         };
-        assert!(matches!(refused(vec![[0, 1, 9]]), InvalidMesh::NoVertex { vertex: 9, .. }));
-        assert_eq!(refused(vec![[0, 1, 2], [0, 1, 3]]), InvalidMesh::NotManifold(0, 1));
+        assert!(matches!(
+            refused(vec![[0, 1, 9]]),
+            InvalidMesh::NoVertex { vertex: 9, .. }
+        ));
+        assert_eq!(
+            refused(vec![[0, 1, 2], [0, 1, 3]]),
+            InvalidMesh::NotManifold(0, 1)
+        );
         assert_eq!(refused(vec![[0, 1, 2]]), InvalidMesh::Unused(3));
     }
 

@@ -14,13 +14,15 @@ mod surface;
 mod surface_sheet;
 
 pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
+pub use field::{FieldModes, FieldScale, field_modes};
 pub(crate) use file::bundled;
-pub use file::{FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
+pub use file::{
+    FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save,
+};
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
 pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, write_mesh};
-pub use field::{FieldModes, FieldScale, field_modes};
 pub use sheet::contact_sheet;
 pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 

@@ -100,7 +100,14 @@ impl SurfacePrior {
             even: nalgebra::DMatrix::zeros(mean.len(), 0),
             odd: nalgebra::DMatrix::zeros(mean.len(), 0),
         };
-        Self::new(self.mesh.clone(), mean, Vec::new(), none, self.asymmetry, self.points.clone())
+        Self::new(
+            self.mesh.clone(),
+            mean,
+            Vec::new(),
+            none,
+            self.asymmetry,
+            self.points.clone(),
+        )
     }
 
     /// With the points of `other`, a prior on the same mesh.
@@ -157,18 +164,30 @@ impl SurfacePrior {
         let half_len = self.mean.len();
         let mut symmetric = self.mean.clone();
         for (component, amount) in self.components.chunks_exact(half_len).zip(style) {
-            symmetric.iter_mut().zip(component).for_each(|(v, c)| *v += c * *amount);
+            symmetric
+                .iter_mut()
+                .zip(component)
+                .for_each(|(v, c)| *v += c * *amount);
         }
         let mut asymmetric = vec![V3::zeros(); half_len];
         for (mode, amount) in self.form_modes(FreeForm::Any).into_iter().zip(form) {
-            let moved = if mode.symmetric { &mut symmetric } else { &mut asymmetric };
+            let moved = if mode.symmetric {
+                &mut symmetric
+            } else {
+                &mut asymmetric
+            };
             for (vertex, moved) in moved.iter_mut().enumerate() {
                 moved[mode.axis] += amount * self.value(mode, vertex);
             }
         }
         let others = (0..half_len).filter(|&v| !self.mesh.on_seam(v));
         let others: Vec<V3> = others.map(|v| mirror(&(symmetric[v] - asymmetric[v]))).collect();
-        symmetric.iter().zip(&asymmetric).map(|(s, a)| s + a).chain(others).collect()
+        symmetric
+            .iter()
+            .zip(&asymmetric)
+            .map(|(s, a)| s + a)
+            .chain(others)
+            .collect()
     }
 
     /// The first `count` points (even: each is followed by its mirror image) as a linear prior, its style being (s, g).
@@ -186,7 +205,11 @@ impl SurfacePrior {
             let corners = self.corners(point);
             let at = |values: &[V3]| -> V3 { corners.iter().map(|&(v, w)| values[v] * w).sum() };
             let place = at(&self.mean);
-            mean.extend(<[f64; 3]>::from(place).into_iter().chain(<[f64; 3]>::from(mirror(&place))));
+            mean.extend(
+                <[f64; 3]>::from(place)
+                    .into_iter()
+                    .chain(<[f64; 3]>::from(mirror(&place))),
+            );
             let normal = at(&normals).try_normalize(1e-12).unwrap_or(V3::y());
             point_normals.extend([normal, mirror(&normal)].map(|n| [n.x as f32, n.y as f32, n.z as f32]));
             for (k, component) in self.components.chunks_exact(half_len).enumerate() {
@@ -220,7 +243,11 @@ impl SurfacePrior {
         let mut modes = Vec::new();
         for &symmetric in parities {
             for mode in 0..self.field.even.ncols().max(self.field.odd.ncols()) {
-                let axes = (0..3).map(|axis| FormMode { mode, axis, symmetric });
+                let axes = (0..3).map(|axis| FormMode {
+                    mode,
+                    axis,
+                    symmetric,
+                });
                 modes.extend(axes.filter(|m| m.mode < self.modes_of(*m).ncols()));
             }
         }
@@ -281,13 +308,20 @@ pub(super) mod tests {
         let faces = prior.mesh().faces();
         for (i, point) in prior.half_points().iter().enumerate() {
             let of = |face: [u32; 3], weights: [f64; 3]| -> V3 {
-                face.iter().zip(weights).map(|(&v, w)| vertices[v as usize] * w).sum()
+                face.iter()
+                    .zip(weights)
+                    .map(|(&v, w)| vertices[v as usize] * w)
+                    .sum()
             };
             let expected = of(faces[point.face as usize], [0.25, 0.25, 0.5]);
             assert!((points[2 * i] - expected).norm() < 1e-12);
             // The mirror image's corners run the other way.
             let expected = of(faces[4 + point.face as usize], [0.5, 0.25, 0.25]);
-            assert!((points[2 * i + 1] - expected).norm() < 1e-12, "{} {expected}", points[2 * i + 1]);
+            assert!(
+                (points[2 * i + 1] - expected).norm() < 1e-12,
+                "{} {expected}",
+                points[2 * i + 1]
+            );
         }
     }
 

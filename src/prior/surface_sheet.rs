@@ -1,13 +1,13 @@
 //! The contact sheet of a prior of surfaces: the mean from all sides, each style at ±2σ, and free forms drawn at random.
 
-use super::surface::{FreeForm, SurfacePrior};
 use super::glyphs;
+use super::surface::{FreeForm, SurfacePrior};
 use crate::cad::render::{Light, Renderer, View};
 use crate::cad::{Material, Mesh, Triangle, orbit};
 use crate::geometry::Pinhole;
 use crate::image::{Grid, RgbImage};
-use rand::SeedableRng;
 use rand::RngExt;
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -43,7 +43,12 @@ pub fn surface_sheet(prior: &SurfacePrior, modes: usize) -> RgbImage {
     let row_height = CELL.1 + MARGIN;
     let pictures: Vec<Vec<RgbImage>> = rows
         .par_iter()
-        .map(|row| row.cells.iter().map(|(style, form, view)| picture(prior, style, form, *view)).collect())
+        .map(|row| {
+            row.cells
+                .iter()
+                .map(|(style, form, view)| picture(prior, style, form, *view))
+                .collect()
+        })
         .collect();
     let mut sheet = Grid::from_fn(columns * CELL.0, row_height * rows.len(), |x, y| {
         let (row, column) = (y / row_height, x / CELL.0);
@@ -86,7 +91,9 @@ fn rows(prior: &SurfacePrior, modes: usize) -> Vec<Row> {
     }
     let mut random = ChaCha8Rng::seed_from_u64(0);
     for sample in 0..FREE_FORMS {
-        let form: Vec<f64> = (0..prior.form_len(FreeForm::Symmetric)).map(|_| normal(&mut random)).collect();
+        let form: Vec<f64> = (0..prior.form_len(FreeForm::Symmetric))
+            .map(|_| normal(&mut random))
+            .collect();
         rows.push(Row {
             labels: vec![(0, format!("FREE FORM {}", sample + 1))],
             cells: all.map(|view| (none.clone(), form.clone(), view)).into(),
@@ -141,8 +148,14 @@ mod tests {
     #[test]
     fn the_sheet_shows_the_mean_and_a_row_a_style() {
         let sheet = surface_sheet(&octahedron(), 9);
-        assert_eq!(sheet.size(), (6 * CELL.0, (1 + 1 + FREE_FORMS) * (CELL.1 + MARGIN)));
+        assert_eq!(
+            sheet.size(),
+            (6 * CELL.0, (1 + 1 + FREE_FORMS) * (CELL.1 + MARGIN))
+        );
         let middle = sheet[(CELL.0 / 2, MARGIN + CELL.1 / 2)];
-        assert!(middle[0] < 250.0 && sheet[(CELL.0 / 2, MARGIN + 2)] == [BACKGROUND; 3], "{middle:?}");
+        assert!(
+            middle[0] < 250.0 && sheet[(CELL.0 / 2, MARGIN + 2)] == [BACKGROUND; 3],
+            "{middle:?}"
+        );
     }
 }

@@ -378,7 +378,12 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     {
         println!("\n{:<32} {:>10} {:>10}", "model", "by Chamfer", "floor");
         for ((model, error), own) in models.iter().zip(&last.each).zip(&own) {
-            println!("{:<32} {:>10.3} {:>10.3}", model.name, 100.0 * error.chamfer, 100.0 * own);
+            println!(
+                "{:<32} {:>10.3} {:>10.3}",
+                model.name,
+                100.0 * error.chamfer,
+                100.0 * own
+            );
         }
     }
     Ok(())

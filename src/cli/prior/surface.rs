@@ -1,10 +1,13 @@
 //! Priors of surfaces: models in correspondence through a template mesh.
 
-use super::{Bar, Eval, Learn, Models, SourceList, groups, licences, load_models, print_frame_errors, source_of};
+use super::{
+    Bar, Eval, Learn, Models, SourceList, groups, licences, load_models, print_frame_errors, source_of,
+};
 use anyhow::{Context, ensure};
 use spba_ceres::cad::{NamedModel, sample_outside, sample_shell};
 use spba_ceres::prior::learn::{
-    Correspondences, Progress, SurfaceOptions, TrainingShape, field_scales, register_all, residual_covariogram, surface_prior,
+    Correspondences, Progress, SurfaceOptions, TrainingShape, field_scales, register_all,
+    residual_covariogram, surface_prior,
 };
 use spba_ceres::prior::{
     self, Distortion, FieldScale, FreeForm, FreeFormInfo, LearnedPrior, MirroredMesh, PriorInfo, distortion,
@@ -66,7 +69,13 @@ impl Surfaces {
 
     /// The covariance of what `styles` components leave of models that they have not seen.
     fn scales(&self, styles: usize) -> Vec<FieldScale> {
-        field_scales(&residual_covariogram(&self.mesh, &self.shapes, &self.weights, &self.group, styles))
+        field_scales(&residual_covariogram(
+            &self.mesh,
+            &self.shapes,
+            &self.weights,
+            &self.group,
+            styles,
+        ))
     }
 
     /// The prior of some of the models.
@@ -78,7 +87,10 @@ impl Surfaces {
     }
 
     fn distortions(&self) -> Vec<Distortion> {
-        self.shapes.iter().map(|shape| distortion(&self.mesh, &self.rest, shape)).collect()
+        self.shapes
+            .iter()
+            .map(|shape| distortion(&self.mesh, &self.rest, shape))
+            .collect()
     }
 }
 
@@ -149,7 +161,8 @@ pub fn learn(args: &Learn, template: &Path) -> anyhow::Result<()> {
 
 /// One OBJ a model: the template drawn onto it.
 fn write_meshes(found: &Surfaces, folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let faces = found.mesh.faces();
     for (model, shape) in found.models.iter().zip(&found.shapes) {
         let path = folder.join(format!("{}.obj", model.name));
@@ -197,10 +210,18 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
     // One choice of points for all, so that shapes can be compared point by point.
     let whole = surface_of(&all, &options(0, 0))?;
     let at_points = |shape: &Vec<V3>| -> anyhow::Result<Vec<f64>> {
-        Ok(whole.moved_to(shape.clone())?.at_points(args.points, FreeForm::None)?.mean().to_vec())
+        Ok(whole
+            .moved_to(shape.clone())?
+            .at_points(args.points, FreeForm::None)?
+            .mean()
+            .to_vec())
     };
     let correspondences = Correspondences {
-        shapes: found.shapes.iter().map(at_points).collect::<anyhow::Result<_>>()?,
+        shapes: found
+            .shapes
+            .iter()
+            .map(at_points)
+            .collect::<anyhow::Result<_>>()?,
         normals: whole.at_points(args.points, FreeForm::None)?.normals().to_vec(),
     };
     let learner = |styles: usize, form: FreeForm| -> Box<prior::Learner> {
@@ -216,7 +237,14 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         .flat_map(|form| args.styles.iter().map(move |&styles| (styles, form)))
         .collect();
     let learners: Vec<_> = ways.iter().map(|&(styles, form)| learner(styles, form)).collect();
-    let errors = prior::leave_one_out(&correspondences, &truth, &found.group, &learners, args.points, args.noise)?;
+    let errors = prior::leave_one_out(
+        &correspondences,
+        &truth,
+        &found.group,
+        &learners,
+        args.points,
+        args.noise,
+    )?;
     bar.0.finish_and_clear();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal; free form {}, learned from what {most} styles leave",
@@ -252,12 +280,21 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         print_kinds(&found, plain, full, &own, args.each);
     }
     println!("\nthe canonical frame of a model left out, {most} styles");
-    for (form, with) in [(FreeForm::None, "style alone"), (FreeForm::Symmetric, "with free form")] {
+    for (form, with) in [
+        (FreeForm::None, "style alone"),
+        (FreeForm::Symmetric, "with free form"),
+    ] {
         for (known, words) in [
             (prior::Known::All, "all its points known"),
             (prior::Known::FromFrontRight, "those seen from its front right"),
         ] {
-            let errors = prior::frame_errors(&correspondences, &found.group, &learner(most, form), args.points, known)?;
+            let errors = prior::frame_errors(
+                &correspondences,
+                &found.group,
+                &learner(most, form),
+                args.points,
+                known,
+            )?;
             print_frame_errors(&errors, &format!("{with}, {words}"));
         }
     }
@@ -267,8 +304,12 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
 /// Means of ‖s‖ and ‖g‖.
 fn mean_lengths(fits: &[prior::Fit], styles: usize) -> [f64; 2] {
     let length = |numbers: &[f64]| numbers.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let split = fits.iter().map(|fit| fit.style.split_at(styles.min(fit.style.len())));
-    let [style, form] = split.fold([0.0; 2], |sums, (s, g)| [sums[0] + length(s), sums[1] + length(g)]);
+    let split = fits
+        .iter()
+        .map(|fit| fit.style.split_at(styles.min(fit.style.len())));
+    let [style, form] = split.fold([0.0; 2], |sums, (s, g)| {
+        [sums[0] + length(s), sums[1] + length(g)]
+    });
     [style, form].map(|sum| sum / fits.len().max(1) as f64)
 }
 
@@ -297,13 +338,22 @@ fn print_distortions(found: &Surfaces, each: bool) {
 
 /// Means over the models of each kind that the list names, and over the others.
 fn print_kinds(found: &Surfaces, plain: &prior::FitError, full: &prior::FitError, own: &[f64], each: bool) {
-    let kinds: Vec<&str> = found.models.iter().map(|model| found.list.kind_of(&model.name)).collect();
+    let kinds: Vec<&str> = found
+        .models
+        .iter()
+        .map(|model| found.list.kind_of(&model.name))
+        .collect();
     let mut names = kinds.clone();
     names.sort_unstable();
     names.dedup();
-    println!("\n{:<32} {:>6} {:>11} {:>14} {:>10}", "kind", "models", "style alone", "with free form", "floor");
+    println!(
+        "\n{:<32} {:>6} {:>11} {:>14} {:>10}",
+        "kind", "models", "style alone", "with free form", "floor"
+    );
     let row = |name: &str, of: &[usize]| {
-        let mean = |value: &dyn Fn(usize) -> f64| 100.0 * of.iter().map(|&m| value(m)).sum::<f64>() / of.len().max(1) as f64;
+        let mean = |value: &dyn Fn(usize) -> f64| {
+            100.0 * of.iter().map(|&m| value(m)).sum::<f64>() / of.len().max(1) as f64
+        };
         println!(
             "{name:<32} {:>6} {:>11.3} {:>14.3} {:>10.3}",
             of.len(),
@@ -316,7 +366,8 @@ fn print_kinds(found: &Surfaces, plain: &prior::FitError, full: &prior::FitError
         let of: Vec<usize> = (0..kinds.len()).filter(|&m| kinds[m] == name).collect();
         row(name, &of);
         if each {
-            of.iter().for_each(|&m| row(&format!("  {}", found.models[m].name), &[m]));
+            of.iter()
+                .for_each(|&m| row(&format!("  {}", found.models[m].name), &[m]));
         }
     }
 }

@@ -21,7 +21,12 @@ pub(super) fn to_bytes(prior: &SurfacePrior, info: &PriorInfo) -> Result<Vec<u8>
     let mesh = prior.mesh();
     let (vertices, faces) = (mesh.half_len(), mesh.half_faces().len());
     let points = prior.half_points();
-    let coordinates = |vectors: &[V3]| vectors.iter().flat_map(|v| <[f64; 3]>::from(*v)).collect::<Vec<_>>();
+    let coordinates = |vectors: &[V3]| {
+        vectors
+            .iter()
+            .flat_map(|v| <[f64; 3]>::from(*v))
+            .collect::<Vec<_>>()
+    };
     let whole = |numbers: Vec<u32>| numbers.into_iter().flat_map(u32::to_le_bytes).collect();
     let uv = mesh.half_texture_coordinates().iter().flatten().flatten();
     let modes = |name: &str, modes: &DMatrix<f64>| -> Tensor {
@@ -30,7 +35,12 @@ pub(super) fn to_bytes(prior: &SurfacePrior, info: &PriorInfo) -> Result<Vec<u8>
     };
     let named = |name: &str, dtype, shape, bytes| -> Tensor { (name.to_owned(), dtype, shape, bytes) };
     let tensors = [
-        named("mean", Dtype::F32, vec![vertices, 3], single(coordinates(prior.mean()).into_iter())),
+        named(
+            "mean",
+            Dtype::F32,
+            vec![vertices, 3],
+            single(coordinates(prior.mean()).into_iter()),
+        ),
         named(
             "components",
             Dtype::F16,
@@ -68,7 +78,10 @@ pub(super) fn to_bytes(prior: &SurfacePrior, info: &PriorInfo) -> Result<Vec<u8>
 }
 
 pub(super) fn parse(file: &SafeTensors, info: &PriorInfo, path: &Path) -> Result<LearnedPrior, PriorError> {
-    let first_of = |name: &str| file.tensor(name).map_or(0, |view| view.shape().first().copied().unwrap_or(0));
+    let first_of = |name: &str| {
+        file.tensor(name)
+            .map_or(0, |view| view.shape().first().copied().unwrap_or(0))
+    };
     let (vertices, faces, points) = (first_of("mean"), first_of("faces"), info.points / 2);
     let tensor = |name: &str, shape: &[usize], dtype| numbers(file, path, name, shape, dtype);
     let mean = vectors(&tensor("mean", &[vertices, 3], Dtype::F32)?);
@@ -77,7 +90,11 @@ pub(super) fn parse(file: &SafeTensors, info: &PriorInfo, path: &Path) -> Result
     let uv = tensor("texture_coordinates", &[faces, 3, 2], Dtype::F16)?;
     let modes = |name: &str| -> Result<DMatrix<f64>, PriorError> {
         let count = first_of(name);
-        Ok(DMatrix::from_vec(vertices, count, tensor(name, &[count, vertices], Dtype::F16)?))
+        Ok(DMatrix::from_vec(
+            vertices,
+            count,
+            tensor(name, &[count, vertices], Dtype::F16)?,
+        ))
     };
     let field = FieldModes {
         even: modes("field.even")?,
@@ -85,12 +102,19 @@ pub(super) fn parse(file: &SafeTensors, info: &PriorInfo, path: &Path) -> Result
     };
     let face_of_point = tensor("points.face", &[points], Dtype::U32)?;
     let weights = tensor("points.weights", &[points, 2], Dtype::F32)?;
-    let corners = corners.chunks_exact(3).map(|f| [f[0] as u32, f[1] as u32, f[2] as u32]);
-    let uv = uv.chunks_exact(6).map(|c| [0, 2, 4].map(|k| [c[k] as f32, c[k + 1] as f32]));
-    let points = face_of_point.iter().zip(weights.chunks_exact(2)).map(|(face, w)| SurfacePoint {
-        face: *face as u32,
-        weights: [w[0] as f32, w[1] as f32],
-    });
+    let corners = corners
+        .chunks_exact(3)
+        .map(|f| [f[0] as u32, f[1] as u32, f[2] as u32]);
+    let uv = uv
+        .chunks_exact(6)
+        .map(|c| [0, 2, 4].map(|k| [c[k] as f32, c[k + 1] as f32]));
+    let points = face_of_point
+        .iter()
+        .zip(weights.chunks_exact(2))
+        .map(|(face, w)| SurfacePoint {
+            face: *face as u32,
+            weights: [w[0] as f32, w[1] as f32],
+        });
     let asymmetry = info.free_form.as_ref().map_or(0.0, |form| form.asymmetry);
     MirroredMesh::new(vertices, corners.collect(), uv.collect())
         .map_err(InvalidPrior::from)
@@ -130,7 +154,9 @@ mod tests {
             free_form: None,
             ..info
         };
-        let message = parse(&to_bytes(&octahedron(), &none).unwrap(), Path::new("a")).unwrap_err().to_string();
+        let message = parse(&to_bytes(&octahedron(), &none).unwrap(), Path::new("a"))
+            .unwrap_err()
+            .to_string();
         assert!(message.contains("free form"), "{message}");
     }
 }

@@ -269,9 +269,10 @@ mod tests {
             true
         })
         .unwrap();
-        let straight = LinearPrior::from_correspondences(&shapes, &vec![1.0; shapes.len()], normals.clone(), 1)
-            .unwrap()
-            .0;
+        let straight =
+            LinearPrior::from_correspondences(&shapes, &vec![1.0; shapes.len()], normals.clone(), 1)
+                .unwrap()
+                .0;
         let (bent, straight) = (error(&learned, &shapes), error(&straight.into(), &shapes));
         assert!(bent < 0.5 * straight, "{bent} {straight} {losses:?}");
         for pair in learned.shape(&[0.7]).chunks_exact(2) {

@@ -20,7 +20,8 @@ pub use decoder::{DECODER_RATE, DecoderOptions, decoder};
 pub(super) use neighbours::{spacing, tree_of};
 pub(super) use principal::components;
 pub use surface::{
-    Covariogram, Registered, SurfaceOptions, draw_points, field_scales, register_all, residual_covariogram, surface_prior,
+    Covariogram, Registered, SurfaceOptions, draw_points, field_scales, register_all, residual_covariogram,
+    surface_prior,
 };
 
 use crate::cad::{Mesh, OutsideSample, mirror, sample_outside};

@@ -24,7 +24,13 @@ pub fn components(shapes: &[Vec<f64>], weights: &[f64], count: usize) -> Compone
     let centred: Vec<Vec<f64>> = shapes
         .iter()
         .zip(weights)
-        .map(|(shape, weight)| shape.iter().zip(&mean).map(|(x, m)| (x - m) * weight.sqrt()).collect())
+        .map(|(shape, weight)| {
+            shape
+                .iter()
+                .zip(&mean)
+                .map(|(x, m)| (x - m) * weight.sqrt())
+                .collect()
+        })
         .collect();
     let gram = DMatrix::from_fn(shape_count, shape_count, |a, b| {
         centred[a]
@@ -110,7 +116,9 @@ mod tests {
         let twice = components(&[a.clone(), b.clone(), b.clone(), c.clone()], &[1.0; 4], 1);
         let weighted = components(&[a, b, c], &[1.0, 2.0, 1.0], 1);
         let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
-        assert!(near(&twice.mean, &weighted.mean) && (twice.explained[0] - weighted.explained[0]).abs() < 1e-12);
+        assert!(
+            near(&twice.mean, &weighted.mean) && (twice.explained[0] - weighted.explained[0]).abs() < 1e-12
+        );
     }
 
     #[test]

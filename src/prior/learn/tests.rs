@@ -42,7 +42,9 @@ fn toy_cars_are_learned() {
         let mean = shape.chunks_exact(3).map(off).sum::<f64>() / POINTS as f64;
         assert!(mean < 0.012, "{}: {mean} off its surface", toy.name);
     }
-    let (prior, explained) = LinearPrior::from_correspondences(&found.shapes, &vec![1.0; found.shapes.len()], found.normals, 4).unwrap();
+    let (prior, explained) =
+        LinearPrior::from_correspondences(&found.shapes, &vec![1.0; found.shapes.len()], found.normals, 4)
+            .unwrap();
     assert!(explained[1] > 0.8, "two parameters made them: {explained:?}");
     let prior = LearnedPrior::from(prior);
     // Farthest-point order: a prefix of a quarter is about twice as sparse.

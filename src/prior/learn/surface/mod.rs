@@ -114,9 +114,13 @@ pub fn surface_prior(
         .map(|shape| shape.iter().flat_map(|v| <[f64; 3]>::from(*v)).collect())
         .collect();
     let found = components(&flat, weights, options.styles);
-    let vectors = |numbers: &[f64]| -> Vec<V3> { numbers.chunks_exact(3).map(V3::from_column_slice).collect() };
+    let vectors =
+        |numbers: &[f64]| -> Vec<V3> { numbers.chunks_exact(3).map(V3::from_column_slice).collect() };
     let mean = vectors(&found.mean);
-    let nodes: Vec<V3> = farthest_order(&mean, FIELD_NODES).into_iter().map(|i| mean[i]).collect();
+    let nodes: Vec<V3> = farthest_order(&mean, FIELD_NODES)
+        .into_iter()
+        .map(|i| mean[i])
+        .collect();
     let field = field_modes(&mean, &nodes, &options.scales, options.modes);
     let points = draw_points(mesh, &mean, options.points / 2, options.seed);
     let modes = found.modes.iter().flat_map(|mode| vectors(mode)).collect();

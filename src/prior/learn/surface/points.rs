@@ -14,7 +14,11 @@ const DRAWN: usize = 3;
 
 /// `count` points of the half whose vertices are `half`.
 pub fn draw_points(mesh: &MirroredMesh, half: &[V3], count: usize, seed: u64) -> Vec<SurfacePoint> {
-    let areas: Vec<f64> = mesh.half_faces().iter().map(|face| area_normal(half, face).norm()).collect();
+    let areas: Vec<f64> = mesh
+        .half_faces()
+        .iter()
+        .map(|face| area_normal(half, face).norm())
+        .collect();
     let total: f64 = areas.iter().sum();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let (mut face, mut below) = (0, 0.0);
@@ -36,7 +40,10 @@ pub fn draw_points(mesh: &MirroredMesh, half: &[V3], count: usize, seed: u64) ->
         .iter()
         .map(|point| corners(mesh, point).iter().map(|&(v, w)| half[v] * w).sum())
         .collect();
-    farthest_order(&places, count).into_iter().map(|i| drawn[i]).collect()
+    farthest_order(&places, count)
+        .into_iter()
+        .map(|i| drawn[i])
+        .collect()
 }
 
 #[cfg(test)]

@@ -79,8 +79,8 @@ impl<'a> Template<'a> {
             let normal_weight = falling(SMOOTH_NORMAL_WEIGHT, stage as f64 / stages.max(1.0));
             let samples = target.tree(normal_weight);
             for round in 0..SMOOTH_ROUNDS {
-                let progress = (stage * SMOOTH_ROUNDS + round) as f64
-                    / (self.fields.len() * SMOOTH_ROUNDS - 1) as f64;
+                let progress =
+                    (stage * SMOOTH_ROUNDS + round) as f64 / (self.fields.len() * SMOOTH_ROUNDS - 1) as f64;
                 let reach = Reach {
                     normal_weight,
                     distance: falling(SMOOTH_REACH, progress),
@@ -150,7 +150,13 @@ impl<'a> Template<'a> {
             if !wrong.contains(&true) {
                 break;
             }
-            for (face, _) in self.mesh.half_faces().iter().zip(&wrong).filter(|(_, wrong)| **wrong) {
+            for (face, _) in self
+                .mesh
+                .half_faces()
+                .iter()
+                .zip(&wrong)
+                .filter(|(_, wrong)| **wrong)
+            {
                 face.iter().for_each(|&v| near[v as usize] = true);
             }
             let before = near.clone();
@@ -175,7 +181,8 @@ impl<'a> Template<'a> {
         let mut data = vec![Matrix3::zeros(); start.len()];
         let mut right = vec![V3::zeros(); start.len()];
         for pull in pulls {
-            let form = (pull.normal * pull.normal.transpose() + Matrix3::identity() * TANGENTIAL) * pull.weight;
+            let form =
+                (pull.normal * pull.normal.transpose() + Matrix3::identity() * TANGENTIAL) * pull.weight;
             data[pull.vertex] += form;
             right[pull.vertex] += form * (pull.place - start[pull.vertex]);
         }
@@ -243,7 +250,11 @@ impl Laplacian {
             .half_edges()
             .into_iter()
             .map(|[a, b]| {
-                let weight = if mesh.on_seam(a) && mesh.on_seam(b) { 0.5 } else { 1.0 };
+                let weight = if mesh.on_seam(a) && mesh.on_seam(b) {
+                    0.5
+                } else {
+                    1.0
+                };
                 degree[a] += weight;
                 degree[b] += weight;
                 ([a, b], weight)
@@ -275,7 +286,11 @@ struct System<'a> {
 impl System<'_> {
     fn apply(&self, x: &[V3]) -> Vec<V3> {
         let once = self.laplacian.apply(x);
-        let scaled: Vec<V3> = once.iter().zip(&self.laplacian.degree).map(|(y, d)| y / *d).collect();
+        let scaled: Vec<V3> = once
+            .iter()
+            .zip(&self.laplacian.degree)
+            .map(|(y, d)| y / *d)
+            .collect();
         let twice = self.laplacian.apply(&scaled);
         let mut out: Vec<V3> = (0..x.len())
             .map(|i| self.data[i] * x[i] + once[i] * self.stiffness + twice[i] * self.bending)
@@ -309,7 +324,11 @@ impl System<'_> {
         let mut residual: Vec<V3> = self.right.iter().zip(&applied).map(|(r, a)| r - a).collect();
         self.pin(&mut residual);
         let scaled = |residual: &[V3]| -> Vec<V3> {
-            residual.iter().zip(&inverse).map(|(r, i)| r.component_mul(i)).collect()
+            residual
+                .iter()
+                .zip(&inverse)
+                .map(|(r, i)| r.component_mul(i))
+                .collect()
         };
         let mut preconditioned = scaled(&residual);
         let mut direction = preconditioned.clone();

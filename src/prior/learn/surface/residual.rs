@@ -69,9 +69,15 @@ fn unexplained(shape: &[f64], rest: &[Vec<f64>], weights: &[f64], styles: usize)
         normal[(k, k)] += RIDGE * shape.len() as f64 / 3.0;
     }
     let right = modes.tr_mul(&offset);
-    let style = normal.cholesky().map_or_else(|| right.map(|_| 0.0), |c| c.solve(&right));
+    let style = normal
+        .cholesky()
+        .map_or_else(|| right.map(|_| 0.0), |c| c.solve(&right));
     let residual = offset - modes * style;
-    residual.as_slice().chunks_exact(3).map(V3::from_column_slice).collect()
+    residual
+        .as_slice()
+        .chunks_exact(3)
+        .map(V3::from_column_slice)
+        .collect()
 }
 
 /// Sum and number of products per step of distance.
@@ -105,7 +111,10 @@ pub fn field_scales(covariogram: &Covariogram) -> Vec<FieldScale> {
                 .map(|&(distance, value)| (value - covariance(distance, [long, short], variances)).powi(2))
                 .sum();
             if error < best.0 {
-                let scales = [long, short].into_iter().zip(variances).filter(|(_, variance)| *variance > 0.0);
+                let scales = [long, short]
+                    .into_iter()
+                    .zip(variances)
+                    .filter(|(_, variance)| *variance > 0.0);
                 best = (
                     error,
                     scales
@@ -172,15 +181,25 @@ mod tests {
         let found = field_scales(&Covariogram { steps });
         assert_eq!(found.len(), 2);
         for (scale, (length, amplitude)) in found.iter().zip([(lengths[0], 0.02), (lengths[1], 0.01)]) {
-            assert!((scale.length - length).abs() < 1e-9 && (scale.amplitude - amplitude).abs() < 1e-6, "{found:?}");
+            assert!(
+                (scale.length - length).abs() < 1e-9 && (scale.amplitude - amplitude).abs() < 1e-6,
+                "{found:?}"
+            );
         }
     }
 
     #[test]
     fn one_scale_suffices_where_there_is_one() {
         let length = LENGTHS.0 * LENGTHS.1.powi(5);
-        let steps = (0..STEPS).map(|k| (f64::from(k as u32) * 0.01, 9e-4 * bell(f64::from(k as u32) * 0.01, length)));
-        let found = field_scales(&Covariogram { steps: steps.collect() });
+        let steps = (0..STEPS).map(|k| {
+            (
+                f64::from(k as u32) * 0.01,
+                9e-4 * bell(f64::from(k as u32) * 0.01, length),
+            )
+        });
+        let found = field_scales(&Covariogram {
+            steps: steps.collect(),
+        });
         let variance: f64 = found.iter().map(|scale| scale.amplitude.powi(2)).sum();
         assert!((variance - 9e-4).abs() < 1e-8, "{found:?}");
     }
