@@ -74,6 +74,11 @@ impl FocalSource {
                 100.0 * known.deviation
             ),
         };
+        // What is held is not therefore exact.
+        let known = FocalEvidence {
+            deviation: known.deviation.max(LEAST_KNOWN),
+            ..known
+        };
         if features.apart(known) > DOUBTFUL {
             words += ", IN DOUBT: they contradict each other; give --focal if you know it";
         }
@@ -81,6 +86,8 @@ impl FocalSource {
     }
 }
 
+/// No focal length is known better than this before the features are asked: the standard deviation of its logarithm.
+const LEAST_KNOWN: f64 = 0.02;
 /// What is known of a focal length and what the features say differ by more of their deviation than this only if one is wrong.
 const DOUBTFUL: f64 = 2.0;
 

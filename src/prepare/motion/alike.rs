@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn nearest_both_ways_and_clearly_nearer_than_the_second() {
         let a = at(&[0.0, 30.0, 60.0, 61.0]);
-        let b = at(&[62.5, 1.0, 33.0, 28.0]);
+        let b = at(&[62.5, 1.0, 32.0, 28.0]);
         // 30 has two as near; 60 is not the nearest of 62.5.
         assert_eq!(alike(&a, &b, 0.85), [[0, 1], [3, 0]]);
         assert_eq!(alike(&a, &at(&[1.0]), 0.85), [] as [[u32; 2]; 0], "no second");
