@@ -43,8 +43,6 @@ impl Default for DepthOptions {
 const AGREEMENT: f64 = 0.01;
 /// Frames to compare see the object from angles apart by this many degrees.
 const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
-/// The likeness of the best frames counts: what one frame sees another may not.
-const BEST: usize = 2;
 
 /// One frame of the sweep.
 struct Swept<'a> {
@@ -119,7 +117,7 @@ pub fn sweep(
 }
 
 /// Per coordinate, the median: single points may lie anywhere.
-fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
+pub(super) fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
     Vector3::from_fn(|k, _| {
         let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
         values.sort_by(f64::total_cmp);
@@ -221,12 +219,13 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
         })
         .collect();
     let mut scores = vec![0.0f32; wanted.len() * options.planes];
-    let mut likeness = vec![[f32::NEG_INFINITY; BEST]; wanted.len()];
+    // Of the two frames that are most alike: what one sees another may not.
+    let mut likeness = vec![[f32::NEG_INFINITY; 2]; wanted.len()];
     let mut warped = Grid::filled(width, height, 0.0);
     let mut scratch = Scratch::default();
     for plane in 0..options.planes {
         let inverse_depth = low + step * plane as f64;
-        likeness.fill([f32::NEG_INFINITY; BEST]);
+        likeness.fill([f32::NEG_INFINITY; 2]);
         for (gray, other_from_target) in &others {
             warp(
                 gray,
@@ -246,11 +245,9 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
             });
         }
         for (k, best) in likeness.iter().enumerate() {
-            let known: Vec<f32> = best.iter().copied().filter(|value| value.is_finite()).collect();
-            scores[k * options.planes + plane] = if known.is_empty() {
-                -1.0
-            } else {
-                known.iter().sum::<f32>() / known.len() as f32
+            scores[k * options.planes + plane] = match *best {
+                [first, second] if second.is_finite() => 0.5 * (first + second),
+                [first, _] => first.max(-1.0),
             };
         }
     }

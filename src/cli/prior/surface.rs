@@ -55,7 +55,7 @@ impl Surfaces {
             })
             .collect();
         let shapes = register_all(&mesh, &rest, &shapes, &weights, &mut |p| bar.show(&p))?.shapes;
-        bar.0.finish_and_clear();
+        bar.finish();
         Ok(Self {
             list,
             models,
@@ -245,7 +245,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         args.points,
         args.noise,
     )?;
-    bar.0.finish_and_clear();
+    bar.finish();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal; free form {}, learned from what {most} styles leave",
         found.models.len(),
