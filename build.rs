@@ -105,6 +105,8 @@ fn compile(
         // An unoptimised Eigen is fifty times slower, in tests too.
         .opt_level(3)
         .flags(["-Wall", "-Wextra", "-Werror"])
+        // Line tables alone: whole debug information makes every test program ten times as large.
+        .flag("-g1")
         // A root needs no call for the sake of errno.
         .flag("-fno-math-errno");
     if std::env::var("PROFILE").is_ok_and(|profile| profile == "release") {

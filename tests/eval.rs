@@ -107,6 +107,7 @@ fn write_result_of(
 ) {
     let solution = Solution {
         estimate,
+        free_form: Vec::new(),
         objective_start: ObjectiveValue::default(),
         objective_end: ObjectiveValue::default(),
         evaluations: Evaluations::default(),

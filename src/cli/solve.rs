@@ -151,7 +151,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .seconds
         .insert(1, ("initialise".to_owned(), initialising_seconds));
 
-    let surface = Surface::from_points(learned.shape(&solution.estimate.style));
+    let surface = Surface::of(&learned, &solution.estimate.style, &solution.free_form);
     let written = report::write(
         &ReportInput {
             sequence: &sequence,
@@ -164,7 +164,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         },
         out,
     )?;
-    summarise(&solution, &written);
+    summarise(&solution, &written, surface.mesh_faces().is_some());
     let doubts = report::doubts(&written.result.frames);
     for words in &doubts.words {
         println!("IN DOUBT         {words}");
@@ -315,7 +315,7 @@ fn add_flag(
     Ok(())
 }
 
-fn summarise(solution: &Solution, written: &report::Written) {
+fn summarise(solution: &Solution, written: &report::Written, is_mesh: bool) {
     let result = &written.result;
     let how = match solution.termination {
         Termination::BelowThreshold => "below the threshold",
@@ -343,6 +343,9 @@ fn summarise(solution: &Solution, written: &report::Written) {
     println!("time             {}", seconds.join(", "));
     let folder = written.folder.display();
     println!("shape            {folder}/shape.ply");
+    if is_mesh {
+        println!("mesh             {folder}/mesh.glb, {folder}/mesh.ply");
+    }
     println!("cameras          {folder}/cameras.txt (TUM), {folder}/colmap/ (COLMAP), {folder}/result.json");
     println!(
         "pictures         {} (first), {folder}/overlay/",

@@ -141,6 +141,9 @@ impl LearnedPrior {
     }
 }
 
+/// So many points go along with a free form: its derivative is many times as long as the style's.
+const FREED_POINTS: usize = 16384;
+
 impl ShapePrior for LearnedPrior {
     fn style_len(&self) -> usize {
         self.style_len
@@ -156,6 +159,14 @@ impl ShapePrior for LearnedPrior {
 
     fn is_linear(&self) -> bool {
         self.hidden.is_empty()
+    }
+
+    fn freed(&self, form: FreeForm) -> Result<Option<Arc<dyn ShapePrior>>, InvalidPrior> {
+        let Some(surface) = self.surface().filter(|surface| surface.form_len(form) > 0) else {
+            return Ok(None);
+        };
+        let freed = surface.at_points(FREED_POINTS.min(self.point_count()), form)?;
+        Ok(Some(Arc::new(freed)))
     }
 
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]) {

@@ -168,6 +168,23 @@ impl MirroredMesh {
     }
 }
 
+/// Every face cut into four at the middles of its edges: the same surface by more vertices, those given first.
+pub fn subdivided(vertices: &[V3], faces: &[[u32; 3]]) -> (Vec<V3>, Vec<[u32; 3]>) {
+    let mut vertices = vertices.to_vec();
+    let mut middles = BTreeMap::new();
+    let mut fine = Vec::with_capacity(4 * faces.len());
+    for &[a, b, c] in faces {
+        let [ab, bc, ca] = [[a, b], [b, c], [c, a]].map(|[a, b]| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                vertices.push((vertices[a as usize] + vertices[b as usize]) / 2.0);
+                vertices.len() as u32 - 1
+            })
+        });
+        fine.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    (vertices, fine)
+}
+
 /// Writes an OBJ file.
 pub fn write_mesh(path: &Path, vertices: &[V3], faces: &[[u32; 3]]) -> std::io::Result<()> {
     let mut text = String::new();
@@ -293,6 +310,19 @@ pub(super) mod tests {
         assert!((0..6).all(|v| !closed.on_seam(v)));
         assert_eq!(mesh.half_normals(&half)[0], V3::x());
         assert_eq!(mesh.half_normals(&half)[1], V3::y());
+    }
+
+    #[test]
+    fn a_subdivided_surface_is_the_same() {
+        let (mesh, half) = half_octahedron();
+        let (whole, faces) = (mesh.whole(&half), mesh.faces());
+        let (fine, fine_faces) = subdivided(&whole, &faces);
+        // 12 edges; closed: V − E + F = 2.
+        assert_eq!((fine.len(), fine_faces.len()), (6 + 12, 32));
+        let area = |vertices: &[V3], faces: &[[u32; 3]]| -> V3 {
+            faces.iter().map(|f| area_normal(vertices, f).abs()).sum()
+        };
+        assert!((area(&whole, &faces) - area(&fine, &fine_faces)).norm() < 1e-12);
     }
 
     #[test]

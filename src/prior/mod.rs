@@ -22,9 +22,11 @@ pub use file::{
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
-pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, write_mesh};
+pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, subdivided, write_mesh};
 pub use sheet::contact_sheet;
 pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
+
+use std::sync::Arc;
 
 /// A shape prior: style → N points in the object frame, and the derivative.
 ///
@@ -46,5 +48,15 @@ pub trait ShapePrior: Send + Sync {
     /// Whether that is the same at every style.
     fn is_linear(&self) -> bool {
         false
+    }
+
+    /// The same shapes, bent by a free form: a prior whose style is (s, g), g being the form's coordinates, standard normal too.
+    /// `None` where this prior has no free form.
+    ///
+    /// # Errors
+    /// The free form does not make a prior.
+    fn freed(&self, form: FreeForm) -> Result<Option<Arc<dyn ShapePrior>>, InvalidPrior> {
+        let _ = form;
+        Ok(None)
     }
 }

@@ -10,7 +10,8 @@ use nalgebra::Vector3;
 type V3 = Vector3<f64>;
 
 /// Which modes of the free form there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FreeForm {
     /// None: the style alone.
     None,

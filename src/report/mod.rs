@@ -9,6 +9,7 @@ mod colour;
 mod doubts;
 mod facets;
 mod folder;
+mod glb;
 mod lettering;
 mod memory;
 mod nearest;

@@ -1,4 +1,5 @@
-//! The shape as a binary little-endian PLY that every viewer opens: `float x y z nx ny nz`, `uchar red green blue`.
+//! The shape as a binary little-endian PLY that every viewer opens: `float x y z nx ny nz`, `uchar red green blue`, and of a mesh the
+//! faces: `list uchar uint vertex_indices`.
 
 use super::ReportError;
 use crate::geometry::Vector3;
@@ -11,12 +12,13 @@ use ply_rs_bw::writer::Writer;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Writes points, normals and colours, with `comments` in the header (one line each).
+/// Writes points, normals and colours, with `comments` in the header (one line each), and the faces of a mesh over the points.
 pub(super) fn write_shape(
     path: &Path,
     points: &[Vector3<f64>],
     normals: &[Vector3<f64>],
     colours: &[[u8; 3]],
+    faces: Option<&[[u32; 3]]>,
     comments: &[String],
 ) -> Result<(), ReportError> {
     let mut vertex = ElementDef::new("vertex".to_owned());
@@ -29,7 +31,7 @@ pub(super) fn write_shape(
             vertex.properties.add(PropertyDef::new((*name).to_owned(), kind));
         }
     }
-    let mut ply = Ply::<Vertex>::new();
+    let mut ply = Ply::<Element>::new();
     ply.header.encoding = Encoding::BinaryLittleEndian;
     ply.header.comments = comments.to_vec();
     ply.header.elements.add(vertex);
@@ -37,13 +39,25 @@ pub(super) fn write_shape(
         .iter()
         .zip(normals)
         .zip(colours)
-        .map(|((point, normal), &colour)| Vertex {
+        .map(|((point, normal), &colour)| Element {
             position: point.map(|c| c as f32).into(),
             normal: normal.map(|c| c as f32).into(),
             colour,
+            corners: [0; 3],
         })
         .collect();
     ply.payload.insert("vertex".to_owned(), vertices);
+    if let Some(faces) = faces {
+        let mut face = ElementDef::new("face".to_owned());
+        let kind = PropertyType::List(ScalarType::UChar, ScalarType::UInt);
+        face.properties.add(PropertyDef::new(CORNERS.to_owned(), kind));
+        ply.header.elements.add(face);
+        let faces = faces.iter().map(|&corners| Element {
+            corners,
+            ..Element::default()
+        });
+        ply.payload.insert("face".to_owned(), faces.collect());
+    }
     let mut bytes = Vec::new();
     Writer::new()
         .write_ply(&mut bytes, &mut ply)
@@ -54,7 +68,7 @@ pub(super) fn write_shape(
 /// The points of a PLY's `vertex` element (N × 3).
 pub fn read_shape(path: &Path) -> Result<Vec<Vector3<f64>>, ReportError> {
     let file = std::fs::File::open(path).map_err(ReportError::io(path))?;
-    let ply = Parser::<Vertex>::new()
+    let ply = Parser::<Element>::new()
         .read_ply(&mut BufReader::new(file))
         .map_err(|error| ReportError::format(path, error))?;
     let points: Vec<_> = ply
@@ -73,14 +87,18 @@ pub fn read_shape(path: &Path) -> Result<Vec<Vector3<f64>>, ReportError> {
     Ok(points)
 }
 
+const CORNERS: &str = "vertex_indices";
+
+/// A vertex, or a face, of which the corners alone count.
 #[derive(Default)]
-struct Vertex {
+struct Element {
     position: [f32; 3],
     normal: [f32; 3],
     colour: [u8; 3],
+    corners: [u32; 3],
 }
 
-impl PropertyAccess for Vertex {
+impl PropertyAccess for Element {
     fn new() -> Self {
         Self::default()
     }
@@ -112,6 +130,10 @@ impl PropertyAccess for Vertex {
         })
     }
 
+    fn get_list_uint(&self, name: &str) -> Option<&[u32]> {
+        (name == CORNERS).then_some(&self.corners)
+    }
+
     fn get_uchar(&self, name: &str) -> Option<u8> {
         Some(match name {
             "red" => self.colour[0],
@@ -132,7 +154,15 @@ mod tests {
         let path = folder.path().join("shape.ply");
         let points = [Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.0, 4.0, 8.0)];
         let (normals, colours) = ([Vector3::x(), Vector3::y()], [[255, 1, 2], [3, 4, 5]]);
-        write_shape(&path, &points, &normals, &colours, &["frame: object".to_owned()]).unwrap();
+        write_shape(
+            &path,
+            &points,
+            &normals,
+            &colours,
+            None,
+            &["frame: object".to_owned()],
+        )
+        .unwrap();
         let bytes = std::fs::read(&path).unwrap();
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         let header = std::str::from_utf8(&bytes[..end]).unwrap();

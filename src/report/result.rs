@@ -25,6 +25,9 @@ pub struct RunResult {
     pub frames: Vec<FrameResult>,
     /// s, S entries.
     pub style: Vec<f64>,
+    /// g, the coordinates of the prior's free form that bends the shape of this style; empty without one.
+    #[serde(default)]
+    pub free_form: Vec<f64>,
     /// α: x_cam = α x'_cam (Eq. 10); `None` where the input brings neither poses nor depth.
     pub alpha: Option<f64>,
     /// By which the input's focal lengths were multiplied; 1 where they were held.
@@ -166,6 +169,7 @@ impl RunResult {
         };
         let mut numbers: Vec<(String, Vec<f64>)> = vec![
             ("style".into(), self.style.clone()),
+            ("free_form".into(), self.free_form.clone()),
             ("alpha".into(), self.alpha.into_iter().collect()),
             ("focal_factor".into(), vec![self.focal_factor]),
             (

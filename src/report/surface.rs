@@ -4,6 +4,7 @@ use super::Neighbours;
 use super::facets;
 use crate::geometry::{Pinhole, Pose, Vector3, tangent_plane};
 use crate::image::{DepthMap, Grid, Mask};
+use crate::prior::{LearnedPrior, subdivided};
 
 /// Points on a surface, each with a footprint: the facets that join it to its neighbours. Object frame and units.
 ///
@@ -15,6 +16,8 @@ pub struct Surface {
     normals: Vec<Vector3<f64>>,
     facets: Vec<[u32; 3]>,
     spacing: f64,
+    /// Whether the facets are those of one closed mesh.
+    is_mesh: bool,
 }
 
 /// A [`Surface`] as one camera sees it.
@@ -68,7 +71,50 @@ impl Surface {
             ),
             points,
             normals,
+            is_mesh: false,
         }
+    }
+
+    /// The closed mesh of `faces` (counter-clockwise seen from outside) over `vertices` (object frame); its vertices are the points.
+    /// A face of a vertex that there is not is left out.
+    pub fn from_mesh(vertices: Vec<Vector3<f64>>, mut faces: Vec<[u32; 3]>) -> Self {
+        faces.retain(|face| face.iter().all(|&v| (v as usize) < vertices.len()));
+        let mut normals = vec![Vector3::zeros(); vertices.len()];
+        let mut lengths = Vec::with_capacity(3 * faces.len());
+        for face in &faces {
+            let [a, b, c] = face.map(|v| vertices[v as usize]);
+            let twice_area = (b - a).cross(&(c - a));
+            face.iter().for_each(|&v| normals[v as usize] += twice_area);
+            lengths.extend([(b - a).norm(), (c - b).norm(), (a - c).norm()]);
+        }
+        Self {
+            normals: normals
+                .into_iter()
+                .map(|normal| normal.try_normalize(1e-18).unwrap_or(Vector3::y()))
+                .collect(),
+            spacing: median(lengths.into_iter()),
+            points: vertices,
+            facets: faces,
+            is_mesh: true,
+        }
+    }
+
+    /// The shape of `style` and `free_form` (empty: none): the prior's mesh where it has one, each of its faces cut into four for the
+    /// sake of colours, else its points.
+    pub fn of(prior: &LearnedPrior, style: &[f64], free_form: &[f64]) -> Self {
+        match prior.surface() {
+            Some(surface) => {
+                let (vertices, faces) =
+                    subdivided(&surface.vertices(style, free_form), &surface.mesh().faces());
+                Self::from_mesh(vertices, faces)
+            }
+            None => Self::from_points(prior.shape(style)),
+        }
+    }
+
+    /// The faces, where the shape is one closed mesh over the points.
+    pub fn mesh_faces(&self) -> Option<&[[u32; 3]]> {
+        self.is_mesh.then_some(self.facets.as_slice())
     }
 
     /// N × 3, object frame.
@@ -251,6 +297,33 @@ mod tests {
                 ((b - discriminant.sqrt()) / a) as f32
             }
         })
+    }
+
+    #[test]
+    fn a_mesh_is_drawn_as_it_is() {
+        // A tetrahedron that the camera looks at along +z.
+        let vertices = vec![
+            Vector3::new(0.0, 0.0, -0.3),
+            Vector3::new(0.4, 0.0, 0.2),
+            Vector3::new(-0.2, 0.35, 0.2),
+            Vector3::new(-0.2, -0.35, 0.2),
+        ];
+        let faces = vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]];
+        let surface = Surface::from_mesh(vertices, faces.clone());
+        assert_eq!(surface.mesh_faces(), Some(faces.as_slice()));
+        assert!(surface.normals()[0].z < -0.99, "{}", surface.normals()[0]);
+        let pose = Pose {
+            translation: Vector3::new(0.0, 0.0, 2.0),
+            ..Pose::identity()
+        };
+        let view = surface.render(&CAMERA, &pose, SIZE);
+        assert!((view.depth[(160, 120)] - 1.7).abs() < 0.01);
+        assert_eq!(view.visible, [0, 1, 2, 3]);
+        let area = view.mask().data().iter().filter(|&&inside| inside).count() as f64;
+        let expected = 0.5 * 0.6 * 0.7 * (CAMERA.fx / 2.2).powi(2);
+        assert!((area / expected - 1.0).abs() < 0.02, "{area} {expected}");
+        let none = Surface::from_mesh(vec![Vector3::x()], vec![[0, 1, 2]]);
+        assert_eq!((none.spacing(), none.points().len()), (0.0, 1));
     }
 
     #[test]

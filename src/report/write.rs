@@ -5,7 +5,7 @@ use super::colour::{ColourGatherer, Colours};
 use super::folder::Staging;
 use super::sheet::Sheet;
 use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
-use super::{density, file_stems, overlay, ply, silhouette_iou, trace, trajectory};
+use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, trajectory};
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
 use crate::image::write_depth;
 use crate::init::Estimate;
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct ReportInput<'a> {
     pub sequence: &'a Sequence,
     pub solution: &'a Solution,
-    /// X(s), all N points: [`Surface::from_points`].
+    /// The shape found: [`Surface::of`].
     pub surface: &'a Surface,
     /// The input as the user gave it.
     pub input: &'a str,
@@ -170,15 +170,31 @@ fn write_shapes(
         colours.mirrored,
         surface.points().len() - colours.seen - colours.mirrored,
     );
-    let comments = [format!("object frame: {OBJECT_FRAME}"), origin.clone()];
-    let path = folder.join("shape.ply");
-    ply::write_shape(
-        &path,
-        surface.points(),
-        surface.normals(),
-        &colours.rgb,
-        &comments,
-    )?;
+    let frame = format!("object frame: {OBJECT_FRAME}");
+    let comments = [frame.clone(), origin.clone()];
+    let write = |name: &str, faces| {
+        let (points, normals) = (surface.points(), surface.normals());
+        ply::write_shape(
+            &folder.join(name),
+            points,
+            normals,
+            &colours.rgb,
+            faces,
+            &comments,
+        )
+    };
+    write("shape.ply", None)?;
+    if let Some(faces) = surface.mesh_faces() {
+        write("mesh.ply", Some(faces))?;
+        glb::write_mesh(
+            &folder.join("mesh.glb"),
+            surface.points(),
+            surface.normals(),
+            &colours.rgb,
+            faces,
+            &frame,
+        )?;
+    }
     let Some(object_from_input) = object_from_input else {
         return Ok(());
     };
@@ -194,13 +210,21 @@ fn write_shapes(
         .map(|normal| input_from_object.rotation * normal)
         .collect();
     let comments = ["frame: that of the input's poses, its units".to_owned(), origin];
-    ply::write_shape(
-        &folder.join("shape_input.ply"),
-        &points,
-        &normals,
-        &colours.rgb,
-        &comments,
-    )
+    let write = |name: &str, faces| {
+        ply::write_shape(
+            &folder.join(name),
+            &points,
+            &normals,
+            &colours.rgb,
+            faces,
+            &comments,
+        )
+    };
+    write("shape_input.ply", None)?;
+    match surface.mesh_faces() {
+        Some(faces) => write("mesh_input.ply", Some(faces)),
+        None => Ok(()),
+    }
 }
 
 fn summarise(
@@ -221,6 +245,7 @@ fn summarise(
         input: input.input.to_owned(),
         prior: input.prior.to_owned(),
         style: solution.estimate.style.clone(),
+        free_form: solution.free_form.clone(),
         alpha: input
             .sequence
             .frames
@@ -355,7 +380,7 @@ mod tests {
             keys.sort();
             keys
         };
-        let top = "alpha density_mean evaluations focal_factor frames hypotheses input iterations object_from_input objective \
+        let top = "alpha density_mean evaluations focal_factor frames free_form hypotheses input iterations object_from_input objective \
                    peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
         assert_eq!(keys(&json).join(" "), top);
         let frame = "center density name rotation silhouette_iou translation";

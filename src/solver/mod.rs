@@ -18,7 +18,7 @@ pub use solution::{
 
 use crate::init::{Estimate, Initialisation};
 use crate::objective::{Footage, Objective, ObjectiveError, ObjectiveOptions, Pairs};
-use crate::prior::ShapePrior;
+use crate::prior::{InvalidPrior, ShapePrior};
 use descent::{Descent, Route, descend};
 use progress::Progress;
 use rayon::prelude::*;
@@ -45,9 +45,12 @@ pub enum SolveError {
     NoStart,
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
+    #[error("the prior's free form: {0}")]
+    Prior(#[from] InvalidPrior),
 }
 
-/// Minimises Eq. 9 over a sequence: [`short_solves`], then [`refine`] from the best of them. `target` is the paper's target
+/// Minimises Eq. 9 over a sequence: [`short_solves`], then [`refine`] from the best of them, then, where the prior has a free form,
+/// [`free`]. `target` is the paper's target
 /// frame, the one that the starts' p0 is of.
 ///
 /// `observer` sees every Ceres iteration and returns false to stop there; the best state so far is then the
@@ -100,11 +103,83 @@ pub fn solve(
         options,
         observer,
     )?;
+    let found = match prior.freed(options.free_form)? {
+        Some(freed) if refined.termination != Termination::Interrupted => free(
+            footage,
+            &freed,
+            target,
+            refined,
+            objective_options,
+            options,
+            observer,
+        )?,
+        _ => refined,
+    };
     Ok(Solution {
         hypotheses,
-        trace: short.trace.into_iter().chain(refined.trace).collect(),
-        seconds: short.seconds.into_iter().chain(refined.seconds).collect(),
-        ..refined
+        trace: short.trace.into_iter().chain(found.trace).collect(),
+        seconds: short.seconds.into_iter().chain(found.seconds).collect(),
+        ..found
+    })
+}
+
+/// Goes on from `solution` with a prior that has a free form, too ([`ShapePrior::freed`]): poses, style and form move together, at full
+/// resolution. The trace's stage is `free-form`.
+///
+/// # Errors
+/// Options out of range, or a failing objective.
+pub fn free(
+    footage: &Footage,
+    freed: &Arc<dyn ShapePrior>,
+    target: usize,
+    solution: Solution,
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+    observer: &Observer,
+) -> Result<Solution, SolveError> {
+    check(options)?;
+    let began = Instant::now();
+    let styles = solution.estimate.style.len();
+    let mut start = solution.estimate.clone();
+    start.style.resize(freed.style_len(), 0.0);
+    let mut objective = Objective::new(
+        footage,
+        freed.clone(),
+        objective_options,
+        target,
+        &start,
+        options.threads,
+    )?;
+    let route = Route {
+        stage: "free-form/",
+        placing_steps: 0,
+        levels: &[0],
+    };
+    let descent = descend(
+        &mut objective,
+        footage.sequence(),
+        target,
+        &start,
+        options,
+        &route,
+        &mut Progress::new(observer),
+    )?;
+    let mut estimate = descent.estimate;
+    let free_form = estimate.style.split_off(styles.min(estimate.style.len()));
+    let seconds = [
+        ("free_form".to_owned(), began.elapsed().as_secs_f64()),
+        ("free_form_cpu".to_owned(), descent.cpu_seconds),
+    ];
+    Ok(Solution {
+        estimate,
+        free_form,
+        objective_end: descent.end,
+        evaluations: solution.evaluations.plus(descent.evaluations),
+        iterations: solution.iterations + descent.iterations,
+        termination: descent.termination,
+        trace: solution.trace.into_iter().chain(descent.trace).collect(),
+        seconds: solution.seconds.into_iter().chain(seconds).collect(),
+        ..solution
     })
 }
 
@@ -288,6 +363,7 @@ pub fn refine(
     )?;
     Ok(Solution {
         estimate: descent.estimate,
+        free_form: Vec::new(),
         objective_start: descent.start,
         objective_end: descent.end,
         evaluations: descent.evaluations,

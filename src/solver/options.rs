@@ -1,6 +1,7 @@
 //! How to minimise Eq. 9.
 
 use super::ScaleUpdate;
+use crate::prior::FreeForm;
 use serde::{Deserialize, Serialize};
 
 /// Which of Ceres's linear solvers finds a Levenberg–Marquardt step.
@@ -143,6 +144,9 @@ pub struct SolverOptions {
     pub tolerance: f64,
     /// Pyramid levels, each half the size of the one before. 1 is no pyramid; the paper mentions none.
     pub levels: usize,
+    /// After the joint solve, the shape is also bent by the prior's free form, where it has one (a prior of surfaces): `symmetric`,
+    /// `any`, or `none`. The paper has none.
+    pub free_form: FreeForm,
     /// Threads of one solve; no byte of the result depends on them.
     #[serde(skip, default = "one")]
     pub threads: usize,
@@ -165,6 +169,7 @@ impl Default for SolverOptions {
             threshold: 0.0,
             tolerance: 1e-3,
             levels: 3,
+            free_form: FreeForm::Symmetric,
             threads: one(),
         }
     }

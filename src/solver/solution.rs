@@ -97,7 +97,10 @@ pub struct StepState {
 /// What a solve found.
 #[derive(Clone, Debug)]
 pub struct Solution {
+    /// Its style is s alone.
     pub estimate: Estimate,
+    /// g: the coordinates of the free form that bends the shape; empty without one.
+    pub free_form: Vec<f64>,
     pub objective_start: ObjectiveValue,
     pub objective_end: ObjectiveValue,
     pub evaluations: Evaluations,
