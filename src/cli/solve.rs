@@ -164,7 +164,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         },
         out,
     )?;
-    summarise(&solution, &written, surface.mesh_faces().is_some());
+    summarise(&solution, &written, surface.mesh().is_some());
     let doubts = report::doubts(&written.result.frames);
     for words in &doubts.words {
         println!("IN DOUBT         {words}");

@@ -94,7 +94,7 @@ impl ColourGatherer {
 }
 
 /// The image between pixel centres; the border's colour beyond them.
-fn bilinear(image: &RgbImage, u: f64, v: f64) -> [f64; 3] {
+pub(super) fn bilinear(image: &RgbImage, u: f64, v: f64) -> [f64; 3] {
     let axis = |position: f64, size: usize| {
         let position = (position - 0.5).clamp(0.0, size as f64 - 1.0);
         let low = position as usize;

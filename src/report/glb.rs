@@ -1,48 +1,50 @@
-//! The mesh as binary glTF 2.0 (`mesh.glb`): positions, normals, colours and triangles, one material, everything inside.
+//! The mesh as binary glTF 2.0 (`mesh.glb`): positions, normals, texture coordinates and triangles, one material with the texture,
+//! everything inside.
 
 use super::ReportError;
+use super::surface::UnwrappedMesh;
 use crate::geometry::Vector3;
 use gltf::Semantic;
 use gltf::binary::{Glb, Header};
 use gltf::json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf::json::buffer::{Stride, Target, View};
+use gltf::json::image::MimeType;
 use gltf::json::material::{PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor};
 use gltf::json::mesh::{Mode, Primitive};
+use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::{Checked, USize64};
-use gltf::json::{Accessor, Asset, Buffer, Index, Material, Mesh, Node, Root, Scene, Value};
+use gltf::json::{Accessor, Asset, Buffer, Image, Index, Material, Mesh, Node, Root, Scene, Texture, Value};
+use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::Path;
 
-/// Of paint that is neither mirror nor chalk; the colours hold what light did.
+/// Of paint that is neither mirror nor chalk; the texture holds what light did.
 const ROUGHNESS: f32 = 0.9;
 
-/// Writes vertices with normals and colours (sRGB, as frames show them), and faces, counter-clockwise seen from outside. `frame` says what
-/// the coordinates are, in the mesh's name.
+/// Writes `mesh` with its texture (sRGB, as frames show it, first row at the top). `frame` says what the coordinates are, in the mesh's
+/// name.
 pub(super) fn write_mesh(
     path: &Path,
-    vertices: &[Vector3<f64>],
-    normals: &[Vector3<f64>],
-    colours: &[[u8; 3]],
-    faces: &[[u32; 3]],
+    mesh: &UnwrappedMesh,
+    colours: &image::RgbImage,
     frame: &str,
 ) -> Result<(), ReportError> {
-    let bytes = to_bytes(vertices, normals, colours, faces, frame)
+    let mut png = Cursor::new(Vec::new());
+    colours
+        .write_to(&mut png, image::ImageFormat::Png)
         .map_err(|error| ReportError::format(path, error))?;
+    let bytes = to_bytes(mesh, png.into_inner(), frame).map_err(|error| ReportError::format(path, error))?;
     std::fs::write(path, bytes).map_err(ReportError::io(path))
 }
 
-fn to_bytes(
-    vertices: &[Vector3<f64>],
-    normals: &[Vector3<f64>],
-    colours: &[[u8; 3]],
-    faces: &[[u32; 3]],
-    frame: &str,
-) -> Result<Vec<u8>, gltf::Error> {
-    let mut parts = Parts::default();
-    let single = |vectors: &[Vector3<f64>]| -> Vec<[f32; 3]> {
-        let rounded = vectors.iter().map(|v| v.map(|x| x as f32).into());
-        rounded.collect()
+fn to_bytes(mesh: &UnwrappedMesh, png: Vec<u8>, frame: &str) -> Result<Vec<u8>, gltf::Error> {
+    let corners = Corners::of(mesh);
+    let vectors = |of: &[Vector3<f64>]| -> Vec<[f32; 3]> {
+        let each = corners.vertices.iter().map(|&v| of[v as usize]);
+        each.map(|vector| vector.map(|x| x as f32).into()).collect()
     };
-    let positions = single(vertices);
+    let mut parts = Parts::default();
+    let positions = vectors(&mesh.vertices);
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for position in &positions {
         for axis in 0..3 {
@@ -50,43 +52,51 @@ fn to_bytes(
             high[axis] = high[axis].max(position[axis]);
         }
     }
-    let position = parts.attribute(&positions, |x| x.to_le_bytes(), ComponentType::F32, Type::Vec3);
+    let position = parts.attribute(&positions, Type::Vec3);
     let accessor = &mut parts.root.accessors[position.value()];
     (accessor.min, accessor.max) = (Some(Value::from(low.to_vec())), Some(Value::from(high.to_vec())));
-    let normal = parts.attribute(
-        &single(normals),
-        |x| x.to_le_bytes(),
-        ComponentType::F32,
-        Type::Vec3,
-    );
-    let colours: Vec<[u16; 4]> = colours.iter().map(|&colour| linear(colour)).collect();
-    let colour = parts.attribute(&colours, |x| x.to_le_bytes(), ComponentType::U16, Type::Vec4);
-    parts.root.accessors[colour.value()].normalized = true;
-    let indices = parts.indices(faces);
-    parts.finish(
-        [
-            (Semantic::Positions, position),
-            (Semantic::Normals, normal),
-            (Semantic::Colors(0), colour),
-        ],
-        indices,
-        frame,
-    )
+    let normal = parts.attribute(&vectors(&mesh.normals), Type::Vec3);
+    let at = parts.attribute(&corners.texture_coordinates, Type::Vec2);
+    let indices = parts.indices(&corners.faces);
+    let attributes = [
+        (Semantic::Positions, position),
+        (Semantic::Normals, normal),
+        (Semantic::TexCoords(0), at),
+    ];
+    parts.finish(attributes, indices, png, frame)
 }
 
-/// sRGB to linear light, of 65535, opaque: what glTF has colours of vertices in.
-fn linear(colour: [u8; 3]) -> [u16; 4] {
-    let one = |value: u8| {
-        let x = f64::from(value) / 255.0;
-        let light = if x <= 0.04045 {
-            x / 12.92
-        } else {
-            ((x + 0.055) / 1.055).powf(2.4)
+/// Vertices that lie at several places of the texture, once for each.
+struct Corners {
+    /// Of the mesh.
+    vertices: Vec<u32>,
+    /// v down, as glTF has it.
+    texture_coordinates: Vec<[f32; 2]>,
+    faces: Vec<[u32; 3]>,
+}
+
+impl Corners {
+    fn of(mesh: &UnwrappedMesh) -> Self {
+        let mut found = Self {
+            vertices: Vec::new(),
+            texture_coordinates: Vec::new(),
+            faces: Vec::new(),
         };
-        (light * 65535.0).round() as u16
-    };
-    let [r, g, b] = colour.map(one);
-    [r, g, b, u16::MAX]
+        let mut known = BTreeMap::new();
+        for (face, coordinates) in mesh.faces.iter().zip(&mesh.texture_coordinates) {
+            found.faces.push([0, 1, 2].map(|k| {
+                let [u, v] = coordinates[k];
+                *known
+                    .entry((face[k], u.to_bits(), v.to_bits()))
+                    .or_insert_with(|| {
+                        found.vertices.push(face[k]);
+                        found.texture_coordinates.push([u, 1.0 - v]);
+                        found.vertices.len() as u32 - 1
+                    })
+            }));
+        }
+        found
+    }
 }
 
 /// The binary chunk as it grows, and its description.
@@ -98,58 +108,41 @@ struct Parts {
 
 impl Parts {
     /// A view of its own for an attribute of the vertices.
-    fn attribute<T: Copy, const N: usize, const B: usize>(
-        &mut self,
-        values: &[[T; N]],
-        bytes: impl Fn(T) -> [u8; B],
-        component: ComponentType,
-        kind: Type,
-    ) -> Index<Accessor> {
-        let all = values.iter().flatten().flat_map(|&value| bytes(value));
-        let stride = Some(Stride(N * B));
-        self.accessor(
-            all.collect(),
-            Target::ArrayBuffer,
-            stride,
-            values.len(),
-            component,
-            kind,
-        )
+    fn attribute<const N: usize>(&mut self, values: &[[f32; N]], kind: Type) -> Index<Accessor> {
+        let all = values.iter().flatten().flat_map(|value| value.to_le_bytes());
+        let view = self.view(all.collect(), Some(Target::ArrayBuffer), Some(Stride(4 * N)));
+        self.accessor(view, values.len(), ComponentType::F32, kind)
     }
 
     fn indices(&mut self, faces: &[[u32; 3]]) -> Index<Accessor> {
         let all = faces.iter().flatten().flat_map(|v| v.to_le_bytes());
-        self.accessor(
-            all.collect(),
-            Target::ElementArrayBuffer,
-            None,
-            3 * faces.len(),
-            ComponentType::U32,
-            Type::Scalar,
-        )
+        let view = self.view(all.collect(), Some(Target::ElementArrayBuffer), None);
+        self.accessor(view, 3 * faces.len(), ComponentType::U32, Type::Scalar)
     }
 
-    fn accessor(
-        &mut self,
-        bytes: Vec<u8>,
-        target: Target,
-        byte_stride: Option<Stride>,
-        count: usize,
-        component: ComponentType,
-        kind: Type,
-    ) -> Index<Accessor> {
+    /// Numbers are aligned where the picture comes last: all lengths but its are multiples of 4.
+    fn view(&mut self, bytes: Vec<u8>, target: Option<Target>, byte_stride: Option<Stride>) -> Index<View> {
         let view = self.root.push(View {
             buffer: Index::new(0),
             byte_length: USize64::from(bytes.len()),
             byte_offset: Some(USize64::from(self.bytes.len())),
             byte_stride,
             name: None,
-            target: Some(Checked::Valid(target)),
+            target: target.map(Checked::Valid),
             extensions: None,
             extras: Default::default(),
         });
         self.bytes.extend(bytes);
-        // Every component is aligned: all lengths are multiples of 4.
+        view
+    }
+
+    fn accessor(
+        &mut self,
+        view: Index<View>,
+        count: usize,
+        component: ComponentType,
+        kind: Type,
+    ) -> Index<Accessor> {
         self.root.push(Accessor {
             buffer_view: Some(view),
             byte_offset: None,
@@ -166,13 +159,42 @@ impl Parts {
         })
     }
 
+    /// The texture of `png`, between whose texels there are mixtures, and which ends at its edges.
+    fn texture(&mut self, png: Vec<u8>) -> Index<Texture> {
+        let view = self.view(png, None, None);
+        let source = self.root.push(Image {
+            buffer_view: Some(view),
+            mime_type: Some(MimeType("image/png".to_owned())),
+            name: None,
+            uri: None,
+            extensions: None,
+            extras: Default::default(),
+        });
+        let sampler = self.root.push(Sampler {
+            mag_filter: Some(Checked::Valid(MagFilter::Linear)),
+            min_filter: Some(Checked::Valid(MinFilter::LinearMipmapLinear)),
+            wrap_s: Checked::Valid(WrappingMode::ClampToEdge),
+            wrap_t: Checked::Valid(WrappingMode::ClampToEdge),
+            ..Sampler::default()
+        });
+        self.root.push(Texture {
+            name: None,
+            sampler: Some(sampler),
+            source,
+            extensions: None,
+            extras: Default::default(),
+        })
+    }
+
     /// The file.
     fn finish(
         mut self,
         attributes: [(Semantic, Index<Accessor>); 3],
         indices: Index<Accessor>,
+        png: Vec<u8>,
         name: &str,
     ) -> Result<Vec<u8>, gltf::Error> {
+        let texture = self.texture(png);
         let root = &mut self.root;
         root.asset = Asset {
             generator: Some(format!("spba-ceres {}", env!("CARGO_PKG_VERSION"))),
@@ -188,6 +210,12 @@ impl Parts {
         let material = root.push(Material {
             pbr_metallic_roughness: PbrMetallicRoughness {
                 base_color_factor: PbrBaseColorFactor([1.0; 4]),
+                base_color_texture: Some(Info {
+                    index: texture,
+                    tex_coord: 0,
+                    extensions: None,
+                    extras: Default::default(),
+                }),
                 metallic_factor: StrengthFactor(0.0),
                 roughness_factor: StrengthFactor(ROUGHNESS),
                 ..PbrMetallicRoughness::default()
@@ -244,20 +272,29 @@ mod tests {
 
     #[test]
     fn the_file_reads_back() {
-        let vertices = [
+        let vertices = vec![
             Vector3::zeros(),
             Vector3::x(),
             Vector3::y(),
             Vector3::new(0.0, 0.5, -2.0),
         ];
-        let normals = [Vector3::z(); 4];
-        let colours = [[0, 128, 255], [255, 255, 255], [1, 2, 3], [10, 20, 30]];
-        let faces = [[0, 1, 2], [0, 2, 3]];
-        let bytes = to_bytes(&vertices, &normals, &colours, &faces, "a frame").unwrap();
+        // Vertices 0 and 2 lie at two places of the texture.
+        let coordinates = vec![
+            [[0.0, 0.0], [0.5, 0.0], [0.0, 0.25]],
+            [[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]],
+        ];
+        let mesh = UnwrappedMesh::new(vertices, vec![[0, 1, 2], [0, 2, 3]], coordinates);
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("mesh.glb");
+        let colours = image::RgbImage::from_fn(3, 5, |x, y| image::Rgb([10 * x as u8, y as u8, 255]));
+        write_mesh(&path, &mesh, &colours, "a frame").unwrap();
+        let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes.len() % 4, 0);
         assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());
         // The library validates what it reads.
-        let (document, buffers, _) = gltf::import_slice(&bytes).unwrap();
+        let (document, buffers, images) = gltf::import_slice(&bytes).unwrap();
+        assert_eq!((images[0].width, images[0].height), (3, 5));
+        assert_eq!(images[0].pixels, colours.into_raw());
         let mesh = document.meshes().next().unwrap();
         assert_eq!(mesh.name(), Some("a frame"));
         let primitive = mesh.primitives().next().unwrap();
@@ -265,12 +302,20 @@ mod tests {
         assert_eq!((bounds.min, bounds.max), ([0.0, 0.0, -2.0], [1.0, 1.0, 0.0]));
         let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()].0));
         let positions: Vec<_> = reader.read_positions().unwrap().collect();
-        assert_eq!(positions[3], [0.0, 0.5, -2.0]);
-        assert_eq!(reader.read_normals().unwrap().count(), 4);
-        let colours: Vec<_> = reader.read_colors(0).unwrap().into_rgba_u16().collect();
-        // 128 of 255 is 21.6 % of the light.
-        assert_eq!((colours[0], colours[1]), ([0, 14146, 65535, 65535], [65535; 4]));
+        let at: Vec<_> = reader.read_tex_coords(0).unwrap().into_f32().collect();
         let indices: Vec<_> = reader.read_indices().unwrap().into_u32().collect();
-        assert_eq!(indices, [0, 1, 2, 0, 2, 3]);
+        assert_eq!(
+            (positions.len(), indices.as_slice()),
+            (6, &[0, 1, 2, 3, 4, 5][..])
+        );
+        assert_eq!((positions[5], at[5]), ([0.0, 0.5, -2.0], [1.0, 0.0]));
+        assert_eq!(at[2], [0.0, 0.75]);
+        assert!(
+            primitive
+                .material()
+                .pbr_metallic_roughness()
+                .base_color_texture()
+                .is_some()
+        );
     }
 }

@@ -20,6 +20,7 @@ mod result;
 mod review;
 mod sheet;
 mod surface;
+mod texture;
 mod trace;
 mod trajectory;
 mod write;
@@ -35,7 +36,7 @@ pub use overlap::{density, silhouette_iou};
 pub use ply::read_shape;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
 pub use review::write_review;
-pub use surface::{Surface, View};
+pub use surface::{Surface, UnwrappedMesh, View};
 pub use write::{ReportInput, Written, write};
 
 use std::path::{Path, PathBuf};

@@ -5,6 +5,7 @@ use super::facets;
 use crate::geometry::{Pinhole, Pose, Vector3, tangent_plane};
 use crate::image::{DepthMap, Grid, Mask};
 use crate::prior::{LearnedPrior, subdivided};
+use std::sync::Arc;
 
 /// Points on a surface, each with a footprint: the facets that join it to its neighbours. Object frame and units.
 ///
@@ -16,8 +17,63 @@ pub struct Surface {
     normals: Vec<Vector3<f64>>,
     facets: Vec<[u32; 3]>,
     spacing: f64,
-    /// Whether the facets are those of one closed mesh.
-    is_mesh: bool,
+    /// Where the facets are those of one closed mesh: that mesh, before it was cut finer.
+    mesh: Option<Arc<UnwrappedMesh>>,
+}
+
+/// A closed mesh with texture coordinates, object frame.
+#[derive(Clone, Debug)]
+pub struct UnwrappedMesh {
+    pub(super) vertices: Vec<Vector3<f64>>,
+    /// Unit normals, one a vertex.
+    pub(super) normals: Vec<Vector3<f64>>,
+    /// Counter-clockwise seen from outside.
+    pub(super) faces: Vec<[u32; 3]>,
+    /// Per corner of the faces: in \[0, 1\], u to the right, v up; 1 − u is the mirror image's.
+    pub(super) texture_coordinates: Vec<[[f32; 2]; 3]>,
+}
+
+impl UnwrappedMesh {
+    /// A face of a vertex that there is not, or without texture coordinates, is left out.
+    pub fn new(
+        vertices: Vec<Vector3<f64>>,
+        faces: Vec<[u32; 3]>,
+        texture_coordinates: Vec<[[f32; 2]; 3]>,
+    ) -> Self {
+        let known = |face: &[u32; 3]| face.iter().all(|&v| (v as usize) < vertices.len());
+        let (faces, texture_coordinates): (Vec<_>, Vec<_>) = faces
+            .into_iter()
+            .zip(texture_coordinates)
+            .filter(|(face, _)| known(face))
+            .unzip();
+        Self {
+            normals: normals(&vertices, &faces),
+            vertices,
+            faces,
+            texture_coordinates,
+        }
+    }
+
+    /// The mean of a face's corners' vectors by their weights.
+    pub(super) fn at(&self, face: u32, weights: [f32; 3], of: &[Vector3<f64>]) -> Vector3<f64> {
+        let corners = self.faces[face as usize].iter().zip(weights);
+        corners
+            .map(|(&vertex, weight)| of[vertex as usize] * f64::from(weight))
+            .sum()
+    }
+}
+
+/// Unit normals of the vertices, weighted by area.
+fn normals(vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> Vec<Vector3<f64>> {
+    let mut sums = vec![Vector3::zeros(); vertices.len()];
+    for face in faces {
+        let [a, b, c] = face.map(|v| vertices[v as usize]);
+        let twice_area = (b - a).cross(&(c - a));
+        face.iter().for_each(|&v| sums[v as usize] += twice_area);
+    }
+    sums.into_iter()
+        .map(|normal| normal.try_normalize(1e-18).unwrap_or(Vector3::y()))
+        .collect()
 }
 
 /// A [`Surface`] as one camera sees it.
@@ -71,50 +127,45 @@ impl Surface {
             ),
             points,
             normals,
-            is_mesh: false,
+            mesh: None,
         }
     }
 
-    /// The closed mesh of `faces` (counter-clockwise seen from outside) over `vertices` (object frame); its vertices are the points.
-    /// A face of a vertex that there is not is left out.
-    pub fn from_mesh(vertices: Vec<Vector3<f64>>, mut faces: Vec<[u32; 3]>) -> Self {
-        faces.retain(|face| face.iter().all(|&v| (v as usize) < vertices.len()));
-        let mut normals = vec![Vector3::zeros(); vertices.len()];
-        let mut lengths = Vec::with_capacity(3 * faces.len());
-        for face in &faces {
-            let [a, b, c] = face.map(|v| vertices[v as usize]);
-            let twice_area = (b - a).cross(&(c - a));
-            face.iter().for_each(|&v| normals[v as usize] += twice_area);
-            lengths.extend([(b - a).norm(), (c - b).norm(), (a - c).norm()]);
-        }
+    /// `mesh` with each of its faces cut into four for the sake of colours; the vertices of these are the points.
+    pub fn from_mesh(mesh: UnwrappedMesh) -> Self {
+        let (points, facets) = subdivided(&mesh.vertices, &mesh.faces);
+        let lengths = facets.iter().flat_map(|&[a, b, c]| {
+            [[a, b], [b, c], [c, a]].map(|[a, b]| (points[a as usize] - points[b as usize]).norm())
+        });
         Self {
-            normals: normals
-                .into_iter()
-                .map(|normal| normal.try_normalize(1e-18).unwrap_or(Vector3::y()))
-                .collect(),
-            spacing: median(lengths.into_iter()),
-            points: vertices,
-            facets: faces,
-            is_mesh: true,
+            normals: normals(&points, &facets),
+            spacing: median(lengths),
+            points,
+            facets,
+            mesh: Some(Arc::new(mesh)),
         }
     }
 
-    /// The shape of `style` and `free_form` (empty: none): the prior's mesh where it has one, each of its faces cut into four for the
-    /// sake of colours, else its points.
+    /// The shape of `style` and `free_form` (empty: none): the prior's mesh where it has one, else its points.
     pub fn of(prior: &LearnedPrior, style: &[f64], free_form: &[f64]) -> Self {
         match prior.surface() {
-            Some(surface) => {
-                let (vertices, faces) =
-                    subdivided(&surface.vertices(style, free_form), &surface.mesh().faces());
-                Self::from_mesh(vertices, faces)
-            }
+            Some(surface) => Self::from_mesh(UnwrappedMesh::new(
+                surface.vertices(style, free_form),
+                surface.mesh().faces(),
+                surface.mesh().texture_coordinates(),
+            )),
             None => Self::from_points(prior.shape(style)),
         }
     }
 
-    /// The faces, where the shape is one closed mesh over the points.
-    pub fn mesh_faces(&self) -> Option<&[[u32; 3]]> {
-        self.is_mesh.then_some(self.facets.as_slice())
+    /// The mesh, where the shape is one.
+    pub fn mesh(&self) -> Option<&UnwrappedMesh> {
+        self.mesh.as_deref()
+    }
+
+    /// Triangles over the points; of a mesh, they are all of it.
+    pub fn facets(&self) -> &[[u32; 3]] {
+        &self.facets
     }
 
     /// N × 3, object frame.
@@ -309,8 +360,9 @@ mod tests {
             Vector3::new(-0.2, -0.35, 0.2),
         ];
         let faces = vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]];
-        let surface = Surface::from_mesh(vertices, faces.clone());
-        assert_eq!(surface.mesh_faces(), Some(faces.as_slice()));
+        let flat = vec![[[0.0; 2]; 3]; 4];
+        let surface = Surface::from_mesh(UnwrappedMesh::new(vertices, faces, flat.clone()));
+        assert_eq!((surface.points().len(), surface.facets().len()), (4 + 6, 16));
         assert!(surface.normals()[0].z < -0.99, "{}", surface.normals()[0]);
         let pose = Pose {
             translation: Vector3::new(0.0, 0.0, 2.0),
@@ -318,12 +370,13 @@ mod tests {
         };
         let view = surface.render(&CAMERA, &pose, SIZE);
         assert!((view.depth[(160, 120)] - 1.7).abs() < 0.01);
-        assert_eq!(view.visible, [0, 1, 2, 3]);
+        assert!(view.visible.contains(&0));
         let area = view.mask().data().iter().filter(|&&inside| inside).count() as f64;
         let expected = 0.5 * 0.6 * 0.7 * (CAMERA.fx / 2.2).powi(2);
         assert!((area / expected - 1.0).abs() < 0.02, "{area} {expected}");
-        let none = Surface::from_mesh(vec![Vector3::x()], vec![[0, 1, 2]]);
+        let none = Surface::from_mesh(UnwrappedMesh::new(vec![Vector3::x()], vec![[0, 1, 2]], flat));
         assert_eq!((none.spacing(), none.points().len()), (0.0, 1));
+        assert!(none.mesh().is_some_and(|mesh| mesh.faces.is_empty()));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::colmap::ColmapModel;
 use super::colour::{ColourGatherer, Colours};
 use super::folder::Staging;
 use super::sheet::Sheet;
+use super::texture::{Texture, TextureGatherer};
 use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, trajectory};
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
@@ -53,6 +54,7 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
 
     let stems = file_stems(sequence.frames.iter().map(|frame| frame.name.as_str()));
     let mut gatherer = ColourGatherer::new(input.surface.points().len());
+    let mut texture = input.surface.mesh().map(TextureGatherer::new);
     let mut colmap = ColmapModel::new(input.surface.points().len());
     let mut sheet = Sheet::new(&sequence.frames, SHOWN);
     let mut frames = Vec::new();
@@ -66,6 +68,9 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
             density(&frame.mask, &silhouette),
         );
         gatherer.add(frame, pose, input.surface, &view);
+        if let Some(texture) = &mut texture {
+            texture.add(frame, pose, &view, input.surface.spacing());
+        }
         colmap.add(&frame.name, &frame.camera, pose, input.surface, &view);
         write_depth(&view.depth, &depth_folder.join(format!("{stem}.exr")))?;
         let overlay = overlay::overlay(&frame.image, &view.depth, &frame.mask);
@@ -82,7 +87,14 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     save_png(&staging.path().join("overlay.png"), &sheet.draw())?;
 
     let colours = gatherer.finish(input.surface);
-    write_shapes(&staging.path(), input.surface, &colours, object_from_input)?;
+    let texture = texture.map(TextureGatherer::finish);
+    write_shapes(
+        &staging.path(),
+        input.surface,
+        &colours,
+        texture.as_ref(),
+        object_from_input,
+    )?;
     colmap.write(&staging.folder("colmap")?, input.surface, &colours.rgb)?;
     let times: Vec<_> = sequence.frames.iter().map(|frame| frame.timestamp_s).collect();
     staging.text("cameras.txt", &trajectory::tum(&poses, &times))?;
@@ -162,6 +174,7 @@ fn write_shapes(
     folder: &Path,
     surface: &Surface,
     colours: &Colours,
+    texture: Option<&Texture>,
     object_from_input: Option<Similarity>,
 ) -> Result<(), ReportError> {
     let origin = format!(
@@ -184,16 +197,12 @@ fn write_shapes(
         )
     };
     write("shape.ply", None)?;
-    if let Some(faces) = surface.mesh_faces() {
-        write("mesh.ply", Some(faces))?;
-        glb::write_mesh(
-            &folder.join("mesh.glb"),
-            surface.points(),
-            surface.normals(),
-            &colours.rgb,
-            faces,
-            &frame,
-        )?;
+    if let Some(mesh) = surface.mesh() {
+        write("mesh.ply", Some(surface.facets()))?;
+        if let Some(texture) = texture {
+            glb::write_mesh(&folder.join("mesh.glb"), mesh, &texture.colours, &frame)?;
+            save_png(&folder.join("mesh_origin.png"), &texture.origin_picture())?;
+        }
     }
     let Some(object_from_input) = object_from_input else {
         return Ok(());
@@ -221,8 +230,8 @@ fn write_shapes(
         )
     };
     write("shape_input.ply", None)?;
-    match surface.mesh_faces() {
-        Some(faces) => write("mesh_input.ply", Some(faces)),
+    match surface.mesh() {
+        Some(_) => write("mesh_input.ply", Some(surface.facets())),
         None => Ok(()),
     }
 }
