@@ -108,6 +108,7 @@ fn write_result_of(
     let solution = Solution {
         estimate,
         free_form: Vec::new(),
+        canonical_from_shape: None,
         objective_start: ObjectiveValue::default(),
         objective_end: ObjectiveValue::default(),
         evaluations: Evaluations::default(),

@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// Draws for the box of the body.
 const BODY_SAMPLES: usize = 20_000;
 /// The share of the outside beyond each face of that box.
-const BODY_BEYOND: f64 = 0.01;
+pub(crate) const BODY_BEYOND: f64 = 0.01;
 
 /// A texture image; its alpha, where it has one, in \[0, 1\], row-major like the image.
 #[derive(Clone, Debug)]

@@ -30,6 +30,7 @@ mod trigger;
 pub use contact_sheet::contact_sheet;
 pub use error::CadError;
 pub use frame::{Axes, Axis};
+pub(crate) use mesh::BODY_BEYOND;
 pub(crate) use mesh::body_box;
 pub use mesh::{Material, Mesh, Texture, Triangle};
 pub use orbit::orbit;

@@ -151,7 +151,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .seconds
         .insert(1, ("initialise".to_owned(), initialising_seconds));
 
-    let surface = Surface::of(&learned, &solution.estimate.style, &solution.free_form);
+    let surface = Surface::of(&learned, &solution);
     let written = report::write(
         &ReportInput {
             sequence: &sequence,

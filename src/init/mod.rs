@@ -17,7 +17,7 @@ pub use motion::cameras_from_input;
 pub use scale::scale_from_inverse_depth;
 pub use templates::TemplateGrid;
 
-use crate::geometry::{Pinhole, Pose};
+use crate::geometry::{Pinhole, Pose, Similarity};
 use serde::{Deserialize, Serialize};
 
 /// Every variable of the problem: what initialisation hands to the solver, and what the solver refines.
@@ -39,6 +39,23 @@ impl Estimate {
         self.camera_from_object.len()
     }
 
+    /// The same cameras before the same shape, in another frame and unit of it.
+    pub fn in_frame(&self, to_from_object: &Similarity) -> Self {
+        let scale = to_from_object.scale;
+        let moved = |pose: &Pose| {
+            let rotation = pose.rotation * to_from_object.rotation.inverse();
+            Pose {
+                rotation,
+                translation: scale * pose.translation - rotation * to_from_object.translation,
+            }
+        };
+        Self {
+            camera_from_object: self.camera_from_object.iter().map(moved).collect(),
+            alpha: scale * self.alpha,
+            ..self.clone()
+        }
+    }
+
     /// A frame's camera with the focal factor.
     pub fn camera(&self, camera: &Pinhole) -> Pinhole {
         Pinhole {
@@ -46,5 +63,35 @@ impl Estimate {
             fy: self.focal_factor * camera.fy,
             ..*camera
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Rotation3, Vector3};
+
+    #[test]
+    fn another_frame_shows_the_same() {
+        let pose = Pose {
+            rotation: Rotation3::from_scaled_axis(Vector3::new(0.2, -0.5, 0.1)),
+            translation: Vector3::new(0.1, -0.2, 1.7),
+        };
+        let estimate = Estimate {
+            camera_from_object: vec![pose],
+            style: vec![0.5],
+            alpha: 0.3,
+            focal_factor: 1.0,
+        };
+        let to_from_object = Similarity {
+            scale: 1.25,
+            rotation: Rotation3::from_scaled_axis(Vector3::new(-0.1, 0.3, 0.2)),
+            translation: Vector3::new(0.0, 0.02, -0.01),
+        };
+        let moved = estimate.in_frame(&to_from_object);
+        let x = Vector3::new(0.1, 0.2, -0.4);
+        let seen = moved.camera_from_object[0].transform(&to_from_object.transform(&x));
+        assert!((seen - 1.25 * pose.transform(&x)).norm() < 1e-12);
+        assert!((moved.alpha - 0.375).abs() < 1e-12 && moved.style == [0.5]);
     }
 }

@@ -5,6 +5,7 @@ use super::learn::spacing;
 use super::linear::InvalidPrior;
 use super::surface::{FreeForm, SurfacePrior};
 use super::{LinearPrior, ShapePrior};
+use crate::geometry::Similarity;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Vector3};
 use std::sync::Arc;
 
@@ -159,6 +160,10 @@ impl ShapePrior for LearnedPrior {
 
     fn is_linear(&self) -> bool {
         self.hidden.is_empty()
+    }
+
+    fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {
+        self.surface()?.canonical_from_shape(style, free_form)
     }
 
     fn freed(&self, form: FreeForm) -> Result<Option<Arc<dyn ShapePrior>>, InvalidPrior> {

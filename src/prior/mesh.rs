@@ -185,6 +185,44 @@ pub fn subdivided(vertices: &[V3], faces: &[[u32; 3]]) -> (Vec<V3>, Vec<[u32; 3]
     (vertices, fine)
 }
 
+/// Lowest and highest corner of the box beyond each face of which lies `beyond` of the surface; `None` where it has no area.
+pub(super) fn body_box(vertices: &[V3], faces: &[[u32; 3]], beyond: f64) -> Option<(V3, V3)> {
+    let areas: Vec<f64> = faces
+        .iter()
+        .map(|face| area_normal(vertices, face).norm())
+        .collect();
+    let middles: Vec<V3> = faces
+        .iter()
+        .map(|face| face.iter().map(|&v| vertices[v as usize]).sum::<V3>() / 3.0)
+        .collect();
+    let total: f64 = areas.iter().sum();
+    if !(total > 0.0 && total.is_finite()) {
+        return None;
+    }
+    let (mut low, mut high) = (V3::zeros(), V3::zeros());
+    let mut order: Vec<usize> = (0..faces.len()).collect();
+    for axis in 0..3 {
+        order.sort_by(|&a, &b| middles[a][axis].total_cmp(&middles[b][axis]));
+        low[axis] = middles[first_beyond(order.iter(), &areas, beyond * total)?][axis];
+        high[axis] = middles[first_beyond(order.iter().rev(), &areas, beyond * total)?][axis];
+    }
+    Some((low, high))
+}
+
+/// The first of the faces in `order` before which, with itself, there is more than `area`.
+fn first_beyond<'a>(
+    mut order: impl Iterator<Item = &'a usize>,
+    areas: &[f64],
+    mut area: f64,
+) -> Option<usize> {
+    order
+        .find(|&&face| {
+            area -= areas[face];
+            area < 0.0
+        })
+        .copied()
+}
+
 /// Writes an OBJ file.
 pub fn write_mesh(path: &Path, vertices: &[V3], faces: &[[u32; 3]]) -> std::io::Result<()> {
     let mut text = String::new();
@@ -323,6 +361,25 @@ pub(super) mod tests {
             faces.iter().map(|f| area_normal(vertices, f).abs()).sum()
         };
         assert!((area(&whole, &faces) - area(&fine, &fine_faces)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_body_s_box_leaves_a_share_of_the_surface_out() {
+        let (mesh, half) = half_octahedron();
+        let (mut vertices, mut faces) = (mesh.whole(&half), mesh.faces());
+        for _ in 0..5 {
+            (vertices, faces) = subdivided(&vertices, &faces);
+        }
+        // Of an octahedron with corners at ±½, the tip beyond x = ½ (1 − √0.02) is one hundredth.
+        let expected = 0.5 * (1.0 - 0.02_f64.sqrt());
+        let (low, high) = body_box(&vertices, &faces, 0.01).unwrap();
+        for axis in 0..3 {
+            assert!(
+                (high[axis] - expected).abs() < 0.01 && (low[axis] + high[axis]).abs() < 0.01,
+                "{low} {high}"
+            );
+        }
+        assert_eq!(body_box(&[V3::x(); 3], &[[0, 1, 2]], 0.01), None);
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, subdivided, wr
 pub use sheet::contact_sheet;
 pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 
+use crate::geometry::Similarity;
 use std::sync::Arc;
 
 /// A shape prior: style → N points in the object frame, and the derivative.
@@ -48,6 +49,13 @@ pub trait ShapePrior: Send + Sync {
     /// Whether that is the same at every style.
     fn is_linear(&self) -> bool {
         false
+    }
+
+    /// From the frame of X(s), bent by the free form of coordinates g, to the canonical frame, where the shape itself tells: a prior of
+    /// surfaces knows the whole body's box. `None`: X(s) is taken to be in it.
+    fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {
+        let _ = (style, free_form);
+        None
     }
 
     /// The same shapes, bent by a free form: a prior whose style is (s, g), g being the form's coordinates, standard normal too.

@@ -3,11 +3,15 @@
 
 use super::field::FieldModes;
 use super::linear::{InvalidPrior, LinearPrior};
-use super::mesh::MirroredMesh;
-use crate::cad::mirror;
+use super::mesh::{MirroredMesh, body_box, subdivided};
+use crate::cad::{BODY_BEYOND, mirror};
+use crate::geometry::{Rotation3, Similarity};
 use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;
+
+/// A shape of less is none.
+const LEAST_DIAGONAL: f64 = 1e-3;
 
 /// Which modes of the free form there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -191,6 +195,21 @@ impl SurfacePrior {
             .collect()
     }
 
+    /// From the frame of (s, g)'s vertices to the canonical one: theirs is where likelihood puts the shape, the canonical one is that of
+    /// its own body's box, centred and of diagonal 1. `None` where the shape has no size.
+    pub fn canonical_from_shape(&self, style: &[f64], form: &[f64]) -> Option<Similarity> {
+        let (vertices, faces) = subdivided(&self.vertices(style, form), &self.mesh.faces());
+        let (low, high) = body_box(&vertices, &faces, BODY_BEYOND)?;
+        let diagonal = (high - low).norm();
+        let centre = (low + high) / 2.0;
+        (diagonal.is_finite() && diagonal > LEAST_DIAGONAL).then(|| Similarity {
+            scale: 1.0 / diagonal,
+            rotation: Rotation3::identity(),
+            // Symmetric in x = 0 but for an asymmetric form.
+            translation: -V3::new(0.0, centre.y, centre.z) / diagonal,
+        })
+    }
+
     /// The first `count` points (even: each is followed by its mirror image) as a linear prior, its style being (s, g).
     pub fn at_points(&self, count: usize, form: FreeForm) -> Result<LinearPrior, InvalidPrior> {
         let modes = self.form_modes(form);
@@ -324,6 +343,23 @@ pub(super) mod tests {
                 points[2 * i + 1]
             );
         }
+    }
+
+    #[test]
+    fn the_canonical_frame_is_that_of_the_shape_s_own_box() {
+        let prior = octahedron();
+        let canonical = prior.canonical_from_shape(&[1.5], &[]).unwrap();
+        let moved: Vec<V3> = prior
+            .vertices(&[1.5], &[])
+            .iter()
+            .map(|v| canonical.transform(v))
+            .collect();
+        let (moved, faces) = subdivided(&moved, &prior.mesh().faces());
+        let (low, high) = body_box(&moved, &faces, BODY_BEYOND).unwrap();
+        assert!(((high - low).norm() - 1.0).abs() < 1e-12);
+        assert!((low + high).norm() < 1e-9);
+        let flat = prior.moved_to(vec![V3::x(); 5]).unwrap();
+        assert!(flat.canonical_from_shape(&[], &[]).is_none());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::glyphs;
 use super::surface::{FreeForm, SurfacePrior};
-use crate::cad::render::{Light, Renderer, View};
+use crate::cad::render::{Light, LightFrame, Renderer, View};
 use crate::cad::{Material, Mesh, Triangle, orbit};
 use crate::geometry::Pinhole;
 use crate::image::{Grid, RgbImage};
@@ -22,13 +22,22 @@ const BACKGROUND: f32 = 255.0;
 const INK: [f32; 3] = [40.0; 3];
 const FREE_FORMS: usize = 3;
 
+/// From above the camera's left shoulder, so that no side is dark.
+const LIGHT: Light = Light {
+    fixed_to: LightFrame::Camera,
+    direction: [-0.4, -0.8, -0.7],
+    ambient: 0.25,
+    diffuse: 0.8,
+};
+
 /// Azimuth and elevation in degrees, see [`orbit`].
 const FRONT_QUARTER: (f64, f64) = (35.0, 18.0);
 const REAR_QUARTER: (f64, f64) = (145.0, 18.0);
 const SIDE: (f64, f64) = (-90.0, 0.0);
 const FRONT: (f64, f64) = (0.0, 0.0);
 const BACK: (f64, f64) = (180.0, 0.0);
-const TOP: (f64, f64) = (0.0, 89.9);
+/// The front on the left, as from the side.
+const TOP: (f64, f64) = (-90.0, 89.9);
 
 /// A row: what is written over it, and a picture a cell: style, free form and view.
 struct Row {
@@ -134,7 +143,7 @@ fn picture(prior: &SurfacePrior, style: &[f64], form: &[f64], (azimuth, elevatio
         width: CELL.0,
         height: CELL.1,
     };
-    let found = Renderer::new(&mesh, 3).render(&view, &Light::default());
+    let found = Renderer::new(&mesh, 3).render(&view, &LIGHT);
     Grid::from_fn(CELL.0, CELL.1, |x, y| {
         found.image[(x, y)].map(|value| value + BACKGROUND * (1.0 - found.coverage[(x, y)]))
     })

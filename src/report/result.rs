@@ -28,6 +28,9 @@ pub struct RunResult {
     /// g, the coordinates of the prior's free form that bends the shape of this style; empty without one.
     #[serde(default)]
     pub free_form: Vec<f64>,
+    /// From the frame in which the prior puts the shape of `style` and `free_form` to the object frame, where they differ.
+    #[serde(default)]
+    pub canonical_from_shape: Option<SimilarityRecord>,
     /// α: x_cam = α x'_cam (Eq. 10); `None` where the input brings neither poses nor depth.
     pub alpha: Option<f64>,
     /// By which the input's focal lengths were multiplied; 1 where they were held.
@@ -180,10 +183,15 @@ impl RunResult {
             ("seconds".into(), self.seconds.values().copied().collect()),
             ("peak_memory_mb".into(), self.peak_memory_mb.into_iter().collect()),
         ];
-        numbers.extend(self.object_from_input.iter().map(|similarity| {
-            let parts = [&[similarity.scale], &similarity.translation[..]].concat();
-            ("object_from_input".into(), parts)
-        }));
+        for (name, similarity) in [
+            ("canonical_from_shape", &self.canonical_from_shape),
+            ("object_from_input", &self.object_from_input),
+        ] {
+            numbers.extend(similarity.iter().map(|similarity| {
+                let parts = [&[similarity.scale], &similarity.translation[..]].concat();
+                (name.into(), parts)
+            }));
+        }
         numbers.extend(self.frames.iter().map(|frame| {
             let pose = [&frame.rotation.concat()[..], &frame.translation, &frame.center].concat();
             (format!("frames[{}]", frame.name), pose)

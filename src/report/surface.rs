@@ -2,9 +2,10 @@
 
 use super::Neighbours;
 use super::facets;
-use crate::geometry::{Pinhole, Pose, Vector3, tangent_plane};
+use crate::geometry::{Pinhole, Pose, Similarity, Vector3, tangent_plane};
 use crate::image::{DepthMap, Grid, Mask};
 use crate::prior::{LearnedPrior, subdivided};
+use crate::solver::Solution;
 use std::sync::Arc;
 
 /// Points on a surface, each with a footprint: the facets that join it to its neighbours. Object frame and units.
@@ -146,15 +147,36 @@ impl Surface {
         }
     }
 
-    /// The shape of `style` and `free_form` (empty: none): the prior's mesh where it has one, else its points.
-    pub fn of(prior: &LearnedPrior, style: &[f64], free_form: &[f64]) -> Self {
+    /// The prior's shape of `style`, as it is: its mesh where it has one, else its points.
+    pub fn of_style(prior: &LearnedPrior, style: &[f64]) -> Self {
+        Self::of_shape(prior, style, &[], None)
+    }
+
+    /// The shape that was found, in the object frame.
+    pub fn of(prior: &LearnedPrior, solution: &Solution) -> Self {
+        let canonical = solution.canonical_from_shape.as_ref();
+        Self::of_shape(prior, &solution.estimate.style, &solution.free_form, canonical)
+    }
+
+    fn of_shape(
+        prior: &LearnedPrior,
+        style: &[f64],
+        free_form: &[f64],
+        canonical_from_shape: Option<&Similarity>,
+    ) -> Self {
+        let moved = |points: Vec<Vector3<f64>>| -> Vec<Vector3<f64>> {
+            match canonical_from_shape {
+                Some(canonical) => points.iter().map(|point| canonical.transform(point)).collect(),
+                None => points,
+            }
+        };
         match prior.surface() {
             Some(surface) => Self::from_mesh(UnwrappedMesh::new(
-                surface.vertices(style, free_form),
+                moved(surface.vertices(style, free_form)),
                 surface.mesh().faces(),
                 surface.mesh().texture_coordinates(),
             )),
-            None => Self::from_points(prior.shape(style)),
+            None => Self::from_points(moved(prior.shape(style))),
         }
     }
 

@@ -255,6 +255,7 @@ fn summarise(
         prior: input.prior.to_owned(),
         style: solution.estimate.style.clone(),
         free_form: solution.free_form.clone(),
+        canonical_from_shape: solution.canonical_from_shape.as_ref().map(SimilarityRecord::from),
         alpha: input
             .sequence
             .frames
@@ -389,7 +390,7 @@ mod tests {
             keys.sort();
             keys
         };
-        let top = "alpha density_mean evaluations focal_factor frames free_form hypotheses input iterations object_from_input objective \
+        let top = "alpha canonical_from_shape density_mean evaluations focal_factor frames free_form hypotheses input iterations object_from_input objective \
                    peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
         assert_eq!(keys(&json).join(" "), top);
         let frame = "center density name rotation silhouette_iou translation";

@@ -36,6 +36,11 @@ const SHORT_SOLVE_ITERATIONS: u32 = 10;
 /// As [`SolverOptions::tolerance`].
 const SHORT_SOLVE_TOLERANCE: f64 = 3e-3;
 
+/// Steps of the free form's stage and Ceres iterations of each, at most: on the bundled sequence, the first ten iterations bring 93 % of what 65
+/// do.
+const FREE_STEPS: usize = 2;
+const FREE_ITERATIONS: u32 = 10;
+
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
@@ -50,7 +55,7 @@ pub enum SolveError {
 }
 
 /// Minimises Eq. 9 over a sequence: [`short_solves`], then [`refine`] from the best of them, then, where the prior has a free form,
-/// [`free`]. `target` is the paper's target
+/// [`free`]. Where the shape itself tells its canonical frame ([`ShapePrior::canonical_from_shape`]), the result is in that. `target` is the paper's target
 /// frame, the one that the starts' p0 is of.
 ///
 /// `observer` sees every Ceres iteration and returns false to stop there; the best state so far is then the
@@ -115,7 +120,13 @@ pub fn solve(
         )?,
         _ => refined,
     };
+    let canonical_from_shape = prior.canonical_from_shape(&found.estimate.style, &found.free_form);
     Ok(Solution {
+        estimate: match &canonical_from_shape {
+            Some(canonical_from_shape) => found.estimate.in_frame(canonical_from_shape),
+            None => found.estimate,
+        },
+        canonical_from_shape,
         hypotheses,
         trace: short.trace.into_iter().chain(found.trace).collect(),
         seconds: short.seconds.into_iter().chain(found.seconds).collect(),
@@ -155,12 +166,17 @@ pub fn free(
         placing_steps: 0,
         levels: &[0],
     };
+    let options = SolverOptions {
+        max_steps: options.max_steps.min(FREE_STEPS),
+        iterations_per_call: options.iterations_per_call.min(FREE_ITERATIONS),
+        ..options.clone()
+    };
     let descent = descend(
         &mut objective,
         footage.sequence(),
         target,
         &start,
-        options,
+        &options,
         &route,
         &mut Progress::new(observer),
     )?;
@@ -364,6 +380,7 @@ pub fn refine(
     Ok(Solution {
         estimate: descent.estimate,
         free_form: Vec::new(),
+        canonical_from_shape: None,
         objective_start: descent.start,
         objective_end: descent.end,
         evaluations: descent.evaluations,

@@ -1,5 +1,6 @@
 //! What a solve reports: objective values, counters, the trace and the result.
 
+use crate::geometry::Similarity;
 use crate::init::Estimate;
 
 /// The value of Eq. 9 and of its terms, weights included.
@@ -101,6 +102,9 @@ pub struct Solution {
     pub estimate: Estimate,
     /// g: the coordinates of the free form that bends the shape; empty without one.
     pub free_form: Vec<f64>,
+    /// From the frame in which the prior puts the shape of s and g to the estimate's, the canonical one, where they differ: that of a prior
+    /// of surfaces.
+    pub canonical_from_shape: Option<Similarity>,
     pub objective_start: ObjectiveValue,
     pub objective_end: ObjectiveValue,
     pub evaluations: Evaluations,

@@ -167,7 +167,7 @@ impl Subject {
 
     /// Measures of an estimate.
     pub fn measure(&self, prior: &LearnedPrior, estimate: &Estimate) -> Measures {
-        let surface = Surface::of(prior, &estimate.style, &[]);
+        let surface = Surface::of_style(prior, &estimate.style);
         Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, estimate)
     }
 }
