@@ -163,7 +163,7 @@ mod tests {
         );
         let middle = sheet[(CELL.0 / 2, MARGIN + CELL.1 / 2)];
         assert!(
-            middle[0] < 250.0 && sheet[(CELL.0 / 2, MARGIN + 2)] == [BACKGROUND; 3],
+            middle[0] < 250.0 && sheet[(CELL.0 - 2, MARGIN + 2)] == [BACKGROUND; 3],
             "{middle:?}"
         );
     }

@@ -112,8 +112,10 @@ fn broken_files_are_named_for_what_they_are() {
     assert!(refusal(&whole[..whole.len() - 5]).contains("not a whole safetensors file"));
     assert!(refusal(&[]).contains("not a whole safetensors file"));
     assert!(
-        refusal(&with_metadata(|v| v["schema"] = 2.into())).contains("prior schema 2, this build reads 1")
+        refusal(&with_metadata(|v| v["schema"] = 3.into()))
+            .contains("prior schema 3, this build reads 1 and 2")
     );
+    assert!(refusal(&with_metadata(|v| v["schema"] = 2.into())).contains("must be of kind surface"));
     assert!(refusal(&with_metadata(|v| v["schema"] = "x".into())).contains("no schema number"));
     assert!(refusal(&with_metadata(|v| v["points"] = 6.into())).contains("tensor `mean` is F32 [2, 3]"));
     assert!(refusal(&with_metadata(|v| v["points"] = 5.into())).contains("odd number of points"));
@@ -121,7 +123,8 @@ fn broken_files_are_named_for_what_they_are() {
     assert!(refusal(&with_metadata(|v| v["kind"] = "decoder".into())).contains("hidden layers"));
     assert!(refusal(&with_metadata(|v| v["hidden"] = [3].into())).contains("hidden layers"));
     assert!(
-        refusal(&with_metadata(|v| v["kind"] = "magic".into())).contains("expected `linear` or `decoder`")
+        refusal(&with_metadata(|v| v["kind"] = "magic".into()))
+            .contains("expected one of `linear`, `decoder`, `surface`")
     );
     let as_decoder = |v: &mut serde_json::Value| {
         v["kind"] = "decoder".into();
