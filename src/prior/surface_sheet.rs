@@ -39,10 +39,17 @@ const BACK: (f64, f64) = (180.0, 0.0);
 /// The front on the left, as from the side.
 const TOP: (f64, f64) = (-90.0, 89.9);
 
-/// A row: what is written over it, and a picture a cell: style, free form and view.
+/// A row: what is written over it, from which column on, and a picture a cell.
 struct Row {
     labels: Vec<(usize, String)>,
-    cells: Vec<(Vec<f64>, Vec<f64>, (f64, f64))>,
+    cells: Vec<Cell>,
+}
+
+/// A shape, and where it is seen from.
+struct Cell {
+    style: Vec<f64>,
+    form: Vec<f64>,
+    view: (f64, f64),
 }
 
 /// At most `modes` styles.
@@ -52,12 +59,7 @@ pub fn surface_sheet(prior: &SurfacePrior, modes: usize) -> RgbImage {
     let row_height = CELL.1 + MARGIN;
     let pictures: Vec<Vec<RgbImage>> = rows
         .par_iter()
-        .map(|row| {
-            row.cells
-                .iter()
-                .map(|(style, form, view)| picture(prior, style, form, *view))
-                .collect()
-        })
+        .map(|row| row.cells.iter().map(|cell| picture(prior, cell)).collect())
         .collect();
     let mut sheet = Grid::from_fn(columns * CELL.0, row_height * rows.len(), |x, y| {
         let (row, column) = (y / row_height, x / CELL.0);
@@ -82,13 +84,23 @@ fn rows(prior: &SurfacePrior, modes: usize) -> Vec<Row> {
     let all = [FRONT_QUARTER, REAR_QUARTER, SIDE, FRONT, BACK, TOP];
     let mut rows = vec![Row {
         labels: vec![(0, "MEAN".to_owned())],
-        cells: all.map(|view| (none.clone(), Vec::new(), view)).into(),
+        cells: all
+            .map(|view| Cell {
+                style: none.clone(),
+                form: Vec::new(),
+                view,
+            })
+            .into(),
     }];
     for mode in 0..modes {
         let at = |deviation: f64| {
             let mut style = none.clone();
             style[mode] = deviation;
-            [FRONT_QUARTER, SIDE, FRONT].map(|view| (style.clone(), Vec::new(), view))
+            [FRONT_QUARTER, SIDE, FRONT].map(|view| Cell {
+                style: style.clone(),
+                form: Vec::new(),
+                view,
+            })
         };
         rows.push(Row {
             labels: vec![
@@ -105,7 +117,13 @@ fn rows(prior: &SurfacePrior, modes: usize) -> Vec<Row> {
             .collect();
         rows.push(Row {
             labels: vec![(0, format!("FREE FORM {}", sample + 1))],
-            cells: all.map(|view| (none.clone(), form.clone(), view)).into(),
+            cells: all
+                .map(|view| Cell {
+                    style: none.clone(),
+                    form: form.clone(),
+                    view,
+                })
+                .into(),
         });
     }
     rows
@@ -117,14 +135,15 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
     radius * (std::f64::consts::TAU * random.random::<f64>()).cos()
 }
 
-fn picture(prior: &SurfacePrior, style: &[f64], form: &[f64], (azimuth, elevation): (f64, f64)) -> RgbImage {
+fn picture(prior: &SurfacePrior, cell: &Cell) -> RgbImage {
+    let (azimuth, elevation) = cell.view;
     let triangle = |vertices| Triangle {
         vertices,
         texture_coordinates: [[0.0; 2]; 3],
         material: 0,
     };
     let mesh = Mesh {
-        vertices: prior.vertices(style, form),
+        vertices: prior.vertices(&cell.style, &cell.form),
         triangles: prior.mesh().faces().into_iter().map(triangle).collect(),
         materials: vec![Material {
             diffuse: [0.75, 0.8, 0.85],
