@@ -4,9 +4,14 @@ mod blur;
 mod depth;
 mod distance;
 mod error;
+#[cfg(any(feature = "vision", fuzzing))]
+pub(crate) mod exif_data;
 mod files;
 mod grid;
 mod mask;
+mod mask_file;
+mod names;
+mod picture;
 mod pyramid;
 mod remap;
 
@@ -14,9 +19,29 @@ pub use blur::blur;
 pub use depth::{read_depth, read_deviation, write_depth, write_deviation};
 pub use distance::NearestPixel;
 pub use error::ImageError;
-pub use files::{mask_of, read_mask, read_rgb, read_rgb_covering, write_mask, write_rgb};
+pub use files::{read_rgb, read_rgb_covering, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
+pub use mask_file::read_mask;
+pub use names::mask_of;
+pub use picture::Turn;
 pub use pyramid::{halve_depth, halve_image, halve_mask, pyramid};
 
-pub(crate) use files::one_line;
+pub(crate) use files::{one_line, rgb};
+pub(crate) use mask_file::mask_of_pixels;
+pub(crate) use names::{Pictures, natural_key};
+#[cfg(test)]
+pub(crate) use picture::exif_jpeg;
+pub(crate) use picture::{PictureFile, colours, dimensions};
 pub(crate) use remap::PixelMap;
+
+/// Reads a picture's bytes, as it is and as a mask, and what it says of its camera: for the targets in `fuzz/`.
+#[cfg(fuzzing)]
+pub fn fuzz(data: &[u8]) {
+    if let Ok(picture) = PictureFile::decode(data) {
+        let _ = mask_of_pixels(picture.upright(), std::path::Path::new("a.png"));
+    }
+    let _ = PictureFile::decode(data).map(|picture| rgb(picture.upright()));
+    if let Some(exif) = exif_data::read(data) {
+        let _ = (exif_data::focal_px(&exif, 4000, 3000), exif_data::seconds(&exif));
+    }
+}

@@ -6,6 +6,7 @@ use super::folder::Staging;
 use super::sheet::Sheet;
 use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, overlay, ply, silhouette_iou, trace, trajectory};
+use crate::files::write_whole;
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
 use crate::image::write_depth;
 use crate::init::Estimate;
@@ -38,6 +39,11 @@ pub struct Written {
     pub contact_sheet: PathBuf,
     pub result: RunResult,
 }
+
+/// What an input's units may be in diagonals of the object: far more than any, and far less than what a diverged solve gives.
+pub(super) const SCALES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+/// Diagonals; an orthographic camera may be passed off as one that is far away.
+pub(super) const FARTHEST: f64 = 1e9;
 
 /// Frames on a result's contact sheet.
 const SHOWN: usize = 16;
@@ -117,7 +123,7 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
         });
     }
     let scaled = frames.iter().any(|frame| frame.camera_from_input.is_some());
-    if scaled && !(estimate.alpha > 0.0 && estimate.alpha.is_finite()) {
+    if scaled && !SCALES.contains(&estimate.alpha) {
         return Err(ReportError::NoScale {
             alpha: estimate.alpha,
         });
@@ -135,6 +141,12 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
         if !finite {
             return Err(ReportError::NotFinite {
                 field: format!("the pose of frame {}", frame.name),
+            });
+        }
+        if pose.translation.norm() > FARTHEST {
+            return Err(ReportError::FarAway {
+                frame: frame.name.clone(),
+                away: pose.translation.norm(),
             });
         }
     }
@@ -246,9 +258,11 @@ fn summarise(
 }
 
 pub(super) fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {
+    let mut png = std::io::Cursor::new(Vec::new());
     picture
-        .save_with_format(path, image::ImageFormat::Png)
-        .map_err(|error| ReportError::format(path, error))
+        .write_to(&mut png, image::ImageFormat::Png)
+        .map_err(|error| ReportError::format(path, error))?;
+    write_whole(path, &png.into_inner()).map_err(ReportError::io(path))
 }
 
 #[cfg(test)]
@@ -257,6 +271,7 @@ mod tests {
     use crate::image::read_depth;
     use crate::report::fixture::{box_car, solved};
     use crate::report::read_shape;
+    use crate::sequence::SequenceContent;
 
     fn input<'a>(sequence: &'a Sequence, solution: &'a Solution, surface: &'a Surface) -> ReportInput<'a> {
         ReportInput {
@@ -389,7 +404,7 @@ mod tests {
     #[test]
     fn what_is_not_finite_leaves_nothing_behind() {
         let surface = Surface::from_points(box_car(300));
-        let (mut sequence, solution) = solved(&surface, 2);
+        let (sequence, solution) = solved(&surface, 2);
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("out");
         let refused = |sequence: &Sequence, change: fn(&mut Solution), field: &str| {
@@ -403,6 +418,12 @@ mod tests {
         };
         refused(&sequence, |s| s.estimate.style[0] = f64::NAN, "style");
         refused(&sequence, |s| s.estimate.alpha = 0.0, "alpha");
+        refused(&sequence, |s| s.estimate.alpha = 1e177, "alpha is 1e177");
+        refused(
+            &sequence,
+            |s| s.estimate.camera_from_object[1].translation.z = 1e30,
+            "the camera of frame frame_001.png is 1e30 diagonals away",
+        );
         refused(
             &sequence,
             |s| s.estimate.camera_from_object[0].translation.x = f64::INFINITY,
@@ -413,8 +434,15 @@ mod tests {
             |s| s.hypotheses[0].objective_end = f64::NAN,
             "hypotheses[0]",
         );
-        sequence.frames.pop();
-        refused(&sequence, |_| (), "2 camera poses for 1 frames");
+        let without_last = |content: &mut SequenceContent| {
+            content.frames.pop();
+            content.truth = None;
+        };
+        refused(
+            &sequence.clone().edited(without_last).unwrap(),
+            |_| (),
+            "2 camera poses for 1 frames",
+        );
     }
 
     #[test]
