@@ -7,7 +7,7 @@ use spba_ceres::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use spba_ceres::image::Grid;
 use spba_ceres::init::Estimate;
 use spba_ceres::report::{ReportInput, Surface};
-use spba_ceres::sequence::{Frame, Sequence, Truth};
+use spba_ceres::sequence::{Frame, Sequence, SequenceContent, Truth};
 use spba_ceres::solver::{Evaluations, ObjectiveValue, Solution, Termination};
 use std::path::Path;
 
@@ -73,7 +73,7 @@ fn rendered() -> (Surface, Sequence, Estimate) {
             depth: None,
             depth_deviation: None,
         });
-    let sequence = Sequence {
+    let sequence = Sequence::new(SequenceContent {
         name: "ellipsoid".into(),
         frames: frames.collect(),
         motion_deviation: None,
@@ -87,7 +87,8 @@ fn rendered() -> (Surface, Sequence, Estimate) {
                 .map(|p| p.map(|c| c as f32).into())
                 .collect(),
         }),
-    };
+    })
+    .unwrap();
     let estimate = Estimate {
         camera_from_object: poses,
         style: vec![],
@@ -188,16 +189,18 @@ fn the_input_beside_a_result_is_what_it_was_solved_from() {
     let (surface, sequence, estimate) = rendered();
     // The truth's own input is exact. In the other one every camera but the first is 1° off about its optical axis.
     spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
-    let mut other = sequence.clone();
-    other.truth = None;
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), 1f64.to_radians());
-    for pose in other.frames[1..]
-        .iter_mut()
-        .filter_map(|f| f.camera_from_input.as_mut())
-    {
-        pose.rotation = roll * pose.rotation;
-        pose.translation = roll * pose.translation;
-    }
+    let other = sequence.clone().edited(|content| {
+        content.truth = None;
+        for pose in content.frames[1..]
+            .iter_mut()
+            .filter_map(|f| f.camera_from_input.as_mut())
+        {
+            pose.rotation = roll * pose.rotation;
+            pose.translation = roll * pose.translation;
+        }
+    });
+    let other = other.unwrap();
     spba_ceres::sequence::write(&other, &path("other")).unwrap();
     write_result_of(
         (&path("other"), ""),
@@ -254,7 +257,10 @@ fn the_input_beside_a_result_is_what_it_was_solved_from() {
     ));
 
     // Another input under that name.
-    other.frames.pop();
+    let other = other.edited(|content| {
+        content.frames.pop();
+    });
+    let other = other.unwrap();
     spba_ceres::sequence::write(&other, &path("other")).unwrap();
     left_out("result", "/other has no frame 003.png of the result");
     let named = judged("result")
@@ -269,13 +275,14 @@ fn the_input_beside_a_result_is_what_it_was_solved_from() {
     );
 
     // An input without poses has none to be judged by.
-    for frame in &mut other.frames {
-        frame.camera_from_input = None;
-    }
-    other.frames.push(Frame {
-        camera_from_input: None,
-        ..sequence.frames[3].clone()
+    let other = other.edited(|content| {
+        content.frames.push(sequence.frames[3].clone());
+        content
+            .frames
+            .iter_mut()
+            .for_each(|frame| frame.camera_from_input = None);
     });
+    let other = other.unwrap();
     spba_ceres::sequence::write(&other, &path("still")).unwrap();
     let (errors, notes) = json_and_notes(judged("result").arg("--input").arg(path("still")));
     assert!(errors["input"].is_null(), "{errors}");
@@ -372,8 +379,8 @@ fn openmvs_depth_is_judged_with_its_colmap_workspace() {
     fixture::workspace(&path("workspace"));
     fixture::openmvs(&path("openmvs"), 5, 0.0);
     // The truth is half as large, and everywhere 0.01 further away than openMVS says.
-    let mut sequence = spba_ceres::sequence::load(&path("workspace"), &Default::default()).unwrap();
-    sequence.truth = Some(Truth {
+    let sequence = spba_ceres::sequence::load(&path("workspace"), &Default::default()).unwrap();
+    let truth = Truth {
         camera_from_object: (0..3)
             .map(|frame| Pose {
                 translation: -0.5 * Vector3::from(fixture::center(frame)),
@@ -388,7 +395,8 @@ fn openmvs_depth_is_judged_with_its_colmap_workspace() {
             })
             .collect(),
         shape: vec![[0.0; 3]],
-    });
+    };
+    let sequence = sequence.edited(|content| content.truth = Some(truth)).unwrap();
     spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
     let mut command = eval(&[&path("workspace"), Path::new("--truth"), &path("truth")]);
     let errors = &json(command.arg("--depth").arg(path("openmvs")))["input"];
