@@ -1,7 +1,6 @@
 //! `spba-ceres prepare`, and what `solve` does with a video or pictures.
 
 use super::progress::interruption;
-use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use spba_ceres::prepare::{
     self, Cache, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
@@ -135,6 +134,7 @@ pub fn prepare(
     let interrupted = interruption()?;
     let options = raw.options(category);
     let stamp = Stamp::new(input, &options)?;
+    prepare::remove_stale(out);
     let exists = out.symlink_metadata().is_ok();
     match Stamp::load(out) {
         Some(found) if found == stamp => {
@@ -173,11 +173,7 @@ pub fn prepare(
             memory.unwrap_or_default()
         );
     }
-    if exists {
-        std::fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
-    }
-    sequence::write(&sequence, out)?;
-    stamp.save(out)?;
+    prepare::save(&sequence, &stamp, out, &cache)?;
     println!("{:16} {}", "sequence", out.display());
     Ok(())
 }

@@ -12,7 +12,7 @@ use spba_ceres::config::{Config, ConfigError, Setting};
 use spba_ceres::init::{self, Initialisation};
 use spba_ceres::objective::Footage;
 #[cfg(feature = "vision")]
-use spba_ceres::prepare::Input;
+use spba_ceres::prepare::{Input, PrepareError};
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
 use spba_ceres::sequence::{Frame, Sequence};
@@ -143,9 +143,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     )?;
     watch.finish();
     // What follows sees the cameras that were found.
-    for frame in &mut sequence.frames {
-        frame.camera = solution.estimate.camera(&frame.camera);
-    }
+    sequence = sequence.edited(|content| {
+        for frame in &mut content.frames {
+            frame.camera = solution.estimate.camera(&frame.camera);
+        }
+    })?;
     solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
     solution
         .seconds
@@ -175,7 +177,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
 #[cfg(feature = "vision")]
 fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::Result<PathBuf> {
-    if spba_ceres::sequence::recognises(input) || input.is_dir() && Input::find(input).is_err() {
+    let is_sequence = || {
+        // A folder without any picture is told what else it could be.
+        spba_ceres::sequence::recognises(input)
+            || matches!(Input::find(input), Err(PrepareError::NoPictures(_)))
+    };
+    if is_sequence() {
         if let Some(flag) = raw.given() {
             anyhow::bail!("{flag}: only for a video or a folder of pictures; leave it out");
         }
