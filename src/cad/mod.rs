@@ -35,4 +35,6 @@ pub use mesh::{Material, Mesh, Texture, Triangle};
 pub use orbit::orbit;
 pub use outside::{OutsideSample, mirror, sample_outside};
 pub use plain::load;
+#[cfg(fuzzing)]
+pub use sources::fuzz;
 pub use sources::{NamedModel, SourceKind, SourceSpec, load_source};

@@ -11,6 +11,8 @@ mod sheet;
 
 pub use evaluate::{FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub(crate) use file::bundled;
+#[cfg(fuzzing)]
+pub use file::fuzz;
 pub use file::{PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save};
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
