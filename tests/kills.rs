@@ -120,7 +120,7 @@ fn moments(whole: Duration) -> impl Iterator<Item = Duration> {
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        whole.mul_f64(1.05 * (state >> 11) as f64 / (1u64 << 53) as f64)
+        whole.mul_f64(0.7 * (state >> 11) as f64 / (1u64 << 53) as f64)
     })
 }
 

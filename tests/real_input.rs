@@ -201,7 +201,7 @@ fn points_that_are_no_points_are_left_out() {
     });
     workspace.usable(&["2 points whose position is not finite are left out"]);
     workspace.edit("sparse/points3D.txt", |text| {
-        text.replace("points: 8", "points: 9") + "8 0 0 1e9 1 2 3 0.5 1 0\n"
+        text.replace("points: 8", "points: 9") + "8 1e8 0 1e9 1 2 3 0.5 1 0\n"
     });
     workspace
         .usable(&["1 depth values are more than 1000 times larger or smaller than the object's (4.000)"]);

@@ -32,10 +32,9 @@ pub(super) fn read_off_the_shelf_depth(parts: &mut Parts) -> Option<DepthMap> {
         _ => None,
     };
     let (depth, origin) = if parts.draft.depth.is_none() {
-        let origin = if sparse.is_some() {
-            DepthOrigin::Points
-        } else {
-            DepthOrigin::None
+        let origin = match parts.draft.points.is_empty() {
+            true => DepthOrigin::None,
+            false => DepthOrigin::Points,
         };
         (sparse, origin)
     } else {

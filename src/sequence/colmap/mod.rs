@@ -10,6 +10,7 @@ pub(super) mod depth_map;
 mod model;
 mod text;
 
+use super::distortion::Distortion;
 use super::draft::{DenseDepth, Draft, FrameDraft, folder_name};
 use super::error::SequenceError;
 use super::validate::{check_camera_fits, check_pinhole};
@@ -39,13 +40,17 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
     let mut model = model::read(input, &mut notes)?;
     model.images.sort_by_cached_key(|image| natural_key(&image.name));
     check_unique(&model)?;
-    for (id, camera) in &model.cameras {
+    for (id, camera) in &mut model.cameras {
         let (file, field) = (&model.cameras_file, format!("camera {id}"));
         let mut faults = check_pinhole(&camera.pinhole, file, &field);
         if faults.is_empty() {
             faults.extend(check_camera_fits(&camera.pinhole, camera.size, file, &field).err());
         }
-        faults.extend(camera.distortion.check(file, &field).err());
+        if let Err(fault) = camera.distortion.check(file, &field) {
+            faults.push(fault);
+            // Told once, here, and not again of every frame.
+            camera.distortion = Distortion::None;
+        }
         problems.append(&mut faults);
     }
 
