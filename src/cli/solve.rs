@@ -165,7 +165,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         out,
     )?;
     summarise(&solution, &written);
-    let doubts = report::doubts(&written.result.frames);
+    let doubts = report::doubts(&written.result.frames, &written.result.style);
     for words in &doubts.words {
         println!("IN DOUBT         {words}");
     }
