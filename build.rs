@@ -27,6 +27,7 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         "nearest",
         "objective",
         "parallel",
+        "pixel_depth",
         "scaling",
         "shape",
         "system",

@@ -10,9 +10,12 @@ namespace bridge {
 struct FreePixel;
 struct PhotometricOptions;
 
-// Throws std::exception where indices or sizes do not fit, or where Ceres finds no usable solution.
+// Both throw std::exception where indices or sizes do not fit, the first also where Ceres finds no usable
+// solution.
 void adjust_photometric(rust::Slice<double> cameras, rust::Vec<FreePixel>& pixels,
                         rust::Slice<const float> images, const PhotometricOptions& options);
+void adjust_pixel_depths(rust::Slice<const double> cameras, rust::Vec<FreePixel>& pixels,
+                         rust::Slice<const float> images, const PhotometricOptions& options);
 
 }  // namespace bridge
 }  // namespace spba

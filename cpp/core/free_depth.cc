@@ -19,24 +19,6 @@ constexpr int kColours = 3 * kPatch;
 // the source's axes and by a shift along them; last, its residual.
 enum Column { kDepth = 0, kTurn = 1, kShift = 4, kResidual = 7, kColumns = 8 };
 
-// Every column less, in each channel, its mean over the patch. Light changes on what turns under fixed lamps;
-// what it adds to a whole patch does not count.
-template <typename Rows>
-void SubtractMean(Rows& rows) {
-  for (int channel = 0; channel < 3; ++channel) {
-    auto mean = rows.row(channel).eval();
-    for (int k = 1; k < kPatch; ++k) mean += rows.row(3 * k + channel);
-    mean /= double{kPatch};
-    for (int k = 0; k < kPatch; ++k) rows.row(3 * k + channel) -= mean;
-  }
-}
-
-// The point at depth 1 that pixel k of a patch shows, in the camera's frame.
-Vector3 Ray(const Pinhole& camera, double x, double y, int k) {
-  return {(x + FreeDepthCost::kSteps[k][0] - camera.cx) / camera.fx,
-          (y + FreeDepthCost::kSteps[k][1] - camera.cy) / camera.fy, 1.0};
-}
-
 using PatchRows = Eigen::Matrix<double, kColours, kColumns>;
 using Triangle = Eigen::Matrix<double, kColumns, kColumns>;
 
@@ -60,27 +42,6 @@ Triangle Triangular(PatchRows rows) {
   return triangle;
 }
 
-// The residual blocks of a pixel, in the order of its sources.
-using Blocks = std::vector<FreeDepthBlock*>;
-
-void Judge(FreeDepthPixel& pixel, const Blocks& blocks) {
-  double squares = 0.0, information = 0.0;
-  int count = 0;
-  for (const FreeDepthBlock* const block : blocks) {
-    const double* parameters[] = {nullptr, nullptr, &pixel.inverse_depth};
-    double residuals[kColumns], by_depth[kColumns];
-    double* jacobians[] = {nullptr, nullptr, by_depth};
-    if (!block->Evaluate(parameters, residuals, jacobians)) continue;
-    count += kColours;
-    for (int i = 0; i < kColumns; ++i) {
-      squares += residuals[i] * residuals[i];
-      information += by_depth[i] * by_depth[i];
-    }
-  }
-  pixel.error = count == 0 ? HUGE_VAL : std::sqrt(squares / count);
-  pixel.deviation = information > 0.0 ? 1.0 / std::sqrt(information) : HUGE_VAL;
-}
-
 }  // namespace
 
 FreeDepthCameras::FreeDepthCameras(const Pinhole& intrinsics, const double* twists,
@@ -102,7 +63,7 @@ FreeDepthPatch::FreeDepthPatch(const FreeDepthCameras& cameras, std::uint32_t ta
     const double pixel[] = {x + FreeDepthCost::kSteps[k][0], y + FreeDepthCost::kSteps[k][1]};
     cameras.image(target).Sample(pixel, colours.data() + 3 * k);
   }
-  SubtractMean(colours);
+  SubtractPatchMean(colours);
 }
 
 bool FreeDepthBlock::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
@@ -122,7 +83,7 @@ bool FreeDepthBlock::Evaluate(double const* const* parameters, double* residuals
   const bool cameras_move = jacobians != nullptr && (jacobians[0] != nullptr || jacobians[1] != nullptr);
   PatchRows rows = PatchRows::Zero();
   for (int k = 0; k < kPatch; ++k) {
-    const Vector3 direction = source_from_target * Ray(camera, patch_.x, patch_.y, k);
+    const Vector3 direction = source_from_target * PatchRay(camera, patch_.x, patch_.y, k);
     const Vector3 in_source = depth * direction + target_in_source;
     if (jacobians == nullptr) {
       if (!colour(in_source.data(), colours.data() + 3 * k)) return false;
@@ -145,12 +106,12 @@ bool FreeDepthBlock::Evaluate(double const* const* parameters, double* residuals
     }
   }
   if (jacobians == nullptr) {
-    SubtractMean(colours);
+    SubtractPatchMean(colours);
     residual.setZero();
     residual[kResidual] = (patch_.colours - colours).norm();
     return true;
   }
-  SubtractMean(rows);
+  SubtractPatchMean(rows);
   rows.col(kResidual) -= patch_.colours;
   rows = -rows;
   const Triangle triangle = Triangular(rows);
@@ -171,11 +132,23 @@ bool FreeDepthBlock::Evaluate(double const* const* parameters, double* residuals
   return true;
 }
 
-void AdjustFreeDepth(std::vector<double>& twists, std::vector<FreeDepthPixel>& pixels,
-                     const std::deque<ImageSampler>& images, const FreeDepthOptions& options) {
+void CheckCameras(const std::vector<double>& twists, const std::vector<FreeDepthPixel>& pixels,
+                  const std::deque<ImageSampler>& images) {
   if (twists.size() != 6 * images.size()) {
     throw std::invalid_argument("six numbers and one image a camera are needed");
   }
+  for (const FreeDepthPixel& pixel : pixels) {
+    bool fits = pixel.target < images.size();
+    for (const std::uint32_t source : pixel.sources) {
+      fits = fits && source < images.size() && source != pixel.target;
+    }
+    if (!fits) throw std::invalid_argument("no such camera");
+  }
+}
+
+void AdjustFreeDepth(std::vector<double>& twists, std::vector<FreeDepthPixel>& pixels,
+                     const std::deque<ImageSampler>& images, const FreeDepthOptions& options) {
+  CheckCameras(twists, pixels, images);
   FreeDepthCameras cameras(options.intrinsics, twists.data(), images);
   ceres::HuberLoss loss(options.loss_width * std::sqrt(double{kColours}));
   ceres::Problem::Options ownership;
@@ -183,40 +156,29 @@ void AdjustFreeDepth(std::vector<double>& twists, std::vector<FreeDepthPixel>& p
   ownership.evaluation_callback = &cameras;
   ceres::Problem problem(ownership);
   const auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  std::vector<Blocks> blocks(pixels.size());
-  for (std::size_t i = 0; i < pixels.size(); ++i) {
-    FreeDepthPixel& pixel = pixels[i];
-    const std::uint32_t target = pixel.target;
-    if (target >= images.size()) throw std::invalid_argument("no such camera");
-    const FreeDepthPatch patch(cameras, target, pixel.x, pixel.y);
+  for (FreeDepthPixel& pixel : pixels) {
+    const FreeDepthPatch patch(cameras, pixel.target, pixel.x, pixel.y);
     for (const std::uint32_t source : pixel.sources) {
-      if (source >= images.size() || source == target) throw std::invalid_argument("no such camera");
-      blocks[i].push_back(new FreeDepthBlock(cameras, patch, source));
-      problem.AddResidualBlock(blocks[i].back(), &loss, &twists[6 * target], &twists[6 * source],
-                               &pixel.inverse_depth);
+      problem.AddResidualBlock(new FreeDepthBlock(cameras, patch, source), &loss, &twists[6 * pixel.target],
+                               &twists[6 * source], &pixel.inverse_depth);
       ordering->AddElementToGroup(&pixel.inverse_depth, 0);
     }
   }
   if (problem.NumResidualBlocks() == 0) return;
   for (std::size_t camera = 0; camera < images.size(); ++camera) {
     double* const twist = &twists[6 * camera];
-    if (!problem.HasParameterBlock(twist)) continue;
-    ordering->AddElementToGroup(twist, 1);
-    if (options.hold_cameras) problem.SetParameterBlockConstant(twist);
+    if (problem.HasParameterBlock(twist)) ordering->AddElementToGroup(twist, 1);
   }
-  if (!options.hold_cameras) HoldGauge(problem, twists.data(), images.size());
+  HoldGauge(problem, twists.data(), images.size());
   ceres::Solver::Options solver;
-  solver.linear_solver_type = options.hold_cameras ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::DENSE_SCHUR;
-  if (!options.hold_cameras) solver.linear_solver_ordering = ordering;
+  solver.linear_solver_type = ceres::DENSE_SCHUR;
+  solver.linear_solver_ordering = ordering;
   solver.max_num_iterations = options.max_iterations;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
   if (!summary.IsSolutionUsable()) throw std::runtime_error(summary.message);
-  // The last step may have been refused.
-  cameras.Update();
-  for (std::size_t i = 0; i < pixels.size(); ++i) Judge(pixels[i], blocks[i]);
 }
 
 }  // namespace spba

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
@@ -18,12 +19,6 @@ namespace {
 constexpr int kEntries = 128;
 // Pixels about the object that its features' surroundings reach into.
 constexpr int kMargin = 16;
-
-cv::Mat Descriptors(rust::Slice<const float> entries) {
-  if (entries.size() % kEntries != 0) throw std::invalid_argument("descriptors of another length");
-  return cv::Mat(static_cast<int>(entries.size() / kEntries), kEntries, CV_32F,
-                 const_cast<float*>(entries.data()));
-}
 
 template <typename Point>
 std::vector<Point> Points(rust::Slice<const double> entries) {
@@ -65,9 +60,13 @@ rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<cons
   std::vector<cv::KeyPoint> points;
   cv::Mat rows;
   sift->detectAndCompute(larger, where, points, rows);
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return points[a].response > points[b].response; });
   features.reserve(points.size());
   descriptors.reserve(points.size() * kEntries);
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  for (const std::size_t i : order) {
     const cv::KeyPoint& point = points[i];
     features.push_back(
         {(point.pt.x + 0.5) / options.zoom + box.x, (point.pt.y + 0.5) / options.zoom + box.y});
@@ -77,24 +76,6 @@ rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<cons
     for (int k = 0; k < kEntries; ++k) descriptors.push_back(std::sqrt(row[k] / std::max(sum, 1e-6f)));
   }
   return features;
-}
-
-rust::Vec<Match> match(rust::Slice<const float> a, rust::Slice<const float> b, float ratio) {
-  const cv::Mat first = Descriptors(a), second = Descriptors(b);
-  rust::Vec<Match> matches;
-  if (first.rows < 2 || second.rows < 2) return matches;
-  const cv::BFMatcher matcher(cv::NORM_L2);
-  std::vector<std::vector<cv::DMatch>> there, back;
-  matcher.knnMatch(first, second, there, 2);
-  matcher.knnMatch(second, first, back, 1);
-  for (const auto& best : there) {
-    if (best.size() < 2 || best[0].distance >= ratio * best[1].distance) continue;
-    const auto& returned = back[static_cast<std::size_t>(best[0].trainIdx)];
-    if (returned.empty() || returned[0].trainIdx != best[0].queryIdx) continue;
-    matches.push_back(
-        {static_cast<std::uint32_t>(best[0].queryIdx), static_cast<std::uint32_t>(best[0].trainIdx)});
-  }
-  return matches;
 }
 
 Found two_views(rust::Slice<const double> a, rust::Slice<const double> b, double threshold,

@@ -11,14 +11,12 @@ namespace spba::vision {
 
 struct DetectOptions;
 struct Feature;
-struct Match;
 struct Found;
 
 // All throw std::exception where sizes do not match or OpenCV refuses.
 rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<const std::uint8_t> mask,
                           std::size_t width, std::size_t height, const DetectOptions& options,
                           rust::Vec<float>& descriptors);
-rust::Vec<Match> match(rust::Slice<const float> a, rust::Slice<const float> b, float ratio);
 Found two_views(rust::Slice<const double> a, rust::Slice<const double> b, double threshold,
                 rust::Slice<std::uint8_t> inliers);
 Found resect(rust::Slice<const double> points, rust::Slice<const double> rays, double threshold,

@@ -15,7 +15,7 @@ struct Picture;
 class Video {
  public:
   explicit Video(cv::VideoCapture capture);
-  // False at the end, or where no further frame can be decoded. The picture is RGB, upright, of square pixels.
+  // False at the end, or where no further frame can be decoded. RGB, upright, of square pixels.
   bool next(Picture& picture);
   // How many frames the file announces, perhaps by its duration; not positive where it does not say.
   double announced() const { return capture_.get(cv::CAP_PROP_FRAME_COUNT); }

@@ -43,9 +43,9 @@ pub mod ffi {
         y: f64,
         inverse_depth: f64,
         seen_in: Vec<u32>,
-        /// After adjusting: root mean square of its residuals, per value of a colour, in the images' range.
+        /// After adjusting depths: root mean square of its residuals, per value of a colour, in the images' range.
         error: f64,
-        /// After adjusting: standard deviation of `inverse_depth` with noise of 1 in the images' range.
+        /// After adjusting depths: standard deviation of `inverse_depth` with noise of 1 in the images' range.
         deviation: f64,
     }
 
@@ -58,8 +58,6 @@ pub mod ffi {
         height: u32,
         /// Huber width of a residual, per value of a colour.
         loss_width: f64,
-        /// Leaves the cameras as they are.
-        hold_cameras: bool,
         max_iterations: u32,
     }
 
@@ -72,6 +70,15 @@ pub mod ffi {
         /// one after another.
         fn adjust_photometric(
             cameras: &mut [f64],
+            pixels: &mut Vec<FreePixel>,
+            images: &[f32],
+            options: &PhotometricOptions,
+        ) -> Result<()>;
+
+        /// The same, every pixel by itself, the cameras held; and judges the pixels. What cannot be evaluated stays where it is, and has an
+        /// infinite deviation.
+        fn adjust_pixel_depths(
+            cameras: &[f64],
             pixels: &mut Vec<FreePixel>,
             images: &[f32],
             options: &PhotometricOptions,

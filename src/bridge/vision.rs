@@ -46,13 +46,6 @@ pub mod ffi {
         y: f64,
     }
 
-    /// A feature of one image and its like in another.
-    #[derive(Clone, Copy, Debug)]
-    struct Match {
-        a: u32,
-        b: u32,
-    }
-
     /// A pose `x_b = R x_a + t`, R row-major, if there is any.
     #[derive(Clone, Copy, Debug)]
     struct Found {
@@ -99,7 +92,7 @@ pub mod ffi {
         /// What `map`, a byte per pixel of `from`, is in `to`, a picture of the same size, by optical flow between the two.
         fn carried(map: &[u8], from: &Picture, to: &Picture) -> Result<Vec<u8>>;
 
-        /// SIFT features where the mask is not 0, and their descriptors (128 each, the roots of shares), appended.
+        /// SIFT features where the mask is not 0, the strongest first, and their descriptors (128 each, the roots of shares), appended.
         fn detect(
             gray: &[u8],
             mask: &[u8],
@@ -108,9 +101,6 @@ pub mod ffi {
             options: &DetectOptions,
             descriptors: &mut Vec<f32>,
         ) -> Result<Vec<Feature>>;
-        /// Mutual nearest neighbours that are nearer than `ratio` times the second nearest.
-        #[cxx_name = "match"]
-        fn match_features(a: &[f32], b: &[f32], ratio: f32) -> Result<Vec<Match>>;
         /// b_from_a from rays (x, y on the plane z = 1) by the five-point algorithm and RANSAC; its translation has length 1.
         /// `inliers`, one per pair, are those within `threshold` and before both cameras.
         fn two_views(a: &[f64], b: &[f64], threshold: f64, inliers: &mut [u8]) -> Result<Found>;

@@ -1,14 +1,12 @@
 //! `spba-ceres prepare`, and what `solve` does with a video or pictures.
 
-use super::progress::interruption;
-use indicatif::{ProgressBar, ProgressStyle};
+use super::progress::{Progress, interruption};
 use spba_ceres::prepare::{
     self, Cache, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
 };
 use spba_ceres::report;
 use spba_ceres::sequence::{self, LoadOptions, SequenceError};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 /// Make a sequence folder of a video or a folder of pictures: masks, camera motion and depth.
@@ -42,7 +40,7 @@ pub struct RawArgs {
     /// Folder of masks (white = object), named like the pictures
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["object_box", "networks"])]
     masks: Option<PathBuf>,
-    /// Folder of networks that find the object, as scripts/fetch_networks makes it
+    /// Folder of networks that find the object, or `none` [default: where scripts/fetch_networks puts them, if they are there]
     #[arg(long, value_name = "FOLDER")]
     networks: Option<PathBuf>,
     /// At most so many frames: of as many groups in a row, the sharpest each [default: 40]
@@ -68,12 +66,22 @@ impl RawArgs {
         .find_map(|(given, flag)| given.then_some(flag))
     }
 
+    /// The folder of networks to use.
+    fn networks(&self) -> Option<PathBuf> {
+        match &self.networks {
+            _ if self.masks.is_some() => None,
+            Some(folder) if folder.as_os_str() == "none" => None,
+            Some(folder) => Some(folder.clone()),
+            None => default_networks().filter(|folder| folder.is_dir()),
+        }
+    }
+
     /// Says that masks are made by colours alone, if so: before the work and again at its end, where it is read.
     pub fn warn_without_networks(&self) {
-        if self.masks.is_none() && self.networks.is_none() {
+        if self.masks.is_none() && self.networks().is_none() {
             eprintln!(
-                "warning: masks by colours alone, which often go wrong; mend it: `scripts/fetch_networks out/networks` once, \
-                 then --networks out/networks"
+                "warning: masks by colours alone, which often go wrong; mend it: run `scripts/fetch_networks` once, \
+                 which gets networks that find objects"
             );
         }
     }
@@ -89,12 +97,23 @@ impl RawArgs {
             masks: MaskOptions {
                 given: self.masks.clone(),
                 object_box: self.object_box,
-                networks: self.networks.clone(),
+                networks: self.networks(),
                 category: category.map(str::to_owned),
             },
             ..PrepareOptions::default()
         }
     }
+}
+
+/// Where scripts/fetch_networks puts what it fetched unless told otherwise.
+fn default_networks() -> Option<PathBuf> {
+    let of = |variable: &str| {
+        std::env::var_os(variable)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
+    let data = of("XDG_DATA_HOME").or_else(|| Some(of("HOME")?.join(".local/share")))?;
+    Some(data.join("spba-ceres/networks"))
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -144,25 +163,15 @@ pub fn prepare(
         Some(_) if if_made == IfMade::Replace => {}
         _ => anyhow::ensure!(!exists, SequenceError::TargetExists(out.to_owned())),
     }
-    let style = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed_precise} {msg}")?;
-    let bar = ProgressBar::new(0).with_style(style);
-    let stage_shown = Mutex::new("");
+    let progress = Progress::new();
     let mut folder = out.as_os_str().to_owned();
     folder.push(".cache");
     let cache = Cache::new(folder.into());
     let Prepared { sequence, stages } = prepare::prepare(input, &options, &cache, &|stage, steps| {
-        if let Ok(mut shown) = stage_shown.lock()
-            && *shown != stage
-        {
-            *shown = stage;
-            bar.set_length(steps as u64);
-            bar.set_position(0);
-            bar.set_message(stage);
-        }
-        bar.inc(1);
+        progress.advance(stage, steps);
         !interrupted.load(Ordering::SeqCst)
     })?;
-    bar.finish_and_clear();
+    progress.finish();
     for stage in &stages {
         let memory = stage.peak_memory_mb.map(|mb| format!(", {mb:.0} MB"));
         println!(

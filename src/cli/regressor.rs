@@ -151,7 +151,7 @@ fn train(args: &Train) -> anyhow::Result<()> {
         !interrupted.load(Ordering::SeqCst)
     };
     let network = regressor::train(&learned, mirrored, &examples, args.seed, &plan, &mut see)?;
-    bar.0.finish_and_clear();
+    bar.finish();
     let info = RegressorInfo::new(&info, network.convolutions.len(), command, args.seed);
     regressor::save(&args.out, &Regressor { info, network })?;
     println!(
@@ -176,7 +176,7 @@ fn styles(prior: &LearnedPrior, models: &[NamedModel]) -> Vec<Vec<f64>> {
         prior::style_of(prior, &outside.points, POINTS)
     };
     let styles = models.iter().enumerate().map(style).collect();
-    bar.0.finish_and_clear();
+    bar.finish();
     styles
 }
 
@@ -216,7 +216,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
             }
         }
     }
-    bar.0.finish_and_clear();
+    bar.finish();
     println!(
         "first guesses at {} sequences from {} sides each, mean Chamfer error, % of the diagonal at {POINTS} points",
         names.len(),

@@ -167,10 +167,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         out,
     )?;
     summarise(&solution, &written);
+    let doubts = report::doubts(&written.result.frames, &written.result.style);
+    for words in &doubts.words {
+        println!("IN DOUBT         {words}");
+    }
     #[cfg(feature = "vision")]
     if prepared != input {
         args.raw.warn_without_networks();
     }
+    anyhow::ensure!(
+        doubts.explained,
+        "{}: not usable: no shape of the prior explains the masks; check the masks and --prior",
+        out.display()
+    );
     Ok(())
 }
 
@@ -328,6 +337,9 @@ fn summarise(solution: &Solution, written: &report::Written) {
         solution.iterations,
         solution.evaluations.residual + solution.evaluations.jacobian,
     );
+    if result.focal_factor != 1.0 {
+        println!("focal length     times {:.3}", result.focal_factor);
+    }
     println!("silhouette IoU   {:.3}", result.silhouette_iou_mean);
     println!("density          {:.3}", result.density_mean);
     let seconds: Vec<String> = solution

@@ -79,7 +79,7 @@ pub enum Pairs {
 
 impl Default for Pairs {
     fn default() -> Self {
-        Self::Offsets(vec![1, 2, 4, 8])
+        Self::Offsets(vec![1, 2, 4, 8, 16, 32, 64])
     }
 }
 

@@ -1,9 +1,12 @@
 //! Semi-dense depth inside the masks by a plane sweep: every pixel with texture takes the plane, parallel to the image, on which
 //! its surroundings look most alike in other frames, if those frames find the same point.
 
+mod patches;
+
 use super::motion::Motion;
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{DepthMap, Grid, Mask, RgbImage};
+use patches::{Patches, Scratch, warp};
 use rayon::prelude::*;
 
 /// What can be chosen.
@@ -40,8 +43,6 @@ impl Default for DepthOptions {
 const AGREEMENT: f64 = 0.01;
 /// Frames to compare see the object from angles apart by this many degrees.
 const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
-/// The likeness of the best frames counts: what one frame sees another may not.
-const BEST: usize = 2;
 
 /// One frame of the sweep.
 struct Swept<'a> {
@@ -116,7 +117,7 @@ pub fn sweep(
 }
 
 /// Per coordinate, the median: single points may lie anywhere.
-fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
+pub(super) fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
     Vector3::from_fn(|k, _| {
         let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
         values.sort_by(f64::total_cmp);
@@ -124,10 +125,11 @@ fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
     })
 }
 
+/// Grey levels less the middle one, so that sums of squares stay small.
 fn gray(image: &RgbImage) -> Grid<f32> {
     Grid::from_fn(image.width(), image.height(), |column, row| {
         let [r, g, b] = image[(column, row)];
-        0.299 * r + 0.587 * g + 0.114 * b
+        0.299 * r + 0.587 * g + 0.114 * b - 128.0
     })
 }
 
@@ -204,41 +206,48 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
     });
     let [low, high] = target.inverse_depth;
     let step = (high - low) / (options.planes - 1) as f64;
-    let own = Moments::of(&gray, options.radius_px);
+    let own = Patches::new(gray, options.radius_px);
     let wanted: Vec<usize> = (0..width * height)
         .filter(|&i| target.mask[(left + i % width, top + i / width)])
-        .filter(|&i| own.variance[i] > options.least_texture.powi(2))
+        .filter(|&i| own.variance(i) > options.least_texture.powi(2))
+        .collect();
+    let others: Vec<(&Grid<f32>, Pose)> = others
+        .iter()
+        .map(|other| {
+            let other_from_target = other.camera_from_input.after(&target.camera_from_input.inverse());
+            (&other.gray, other_from_target)
+        })
         .collect();
     let mut scores = vec![0.0f32; wanted.len() * options.planes];
-    let mut likeness = vec![[f32::NEG_INFINITY; BEST]; wanted.len()];
+    // Of the two frames that are most alike: what one sees another may not.
+    let mut likeness = vec![[f32::NEG_INFINITY; 2]; wanted.len()];
+    let mut warped = Grid::filled(width, height, 0.0);
+    let mut scratch = Scratch::default();
     for plane in 0..options.planes {
         let inverse_depth = low + step * plane as f64;
-        likeness.fill([f32::NEG_INFINITY; BEST]);
-        for other in others {
-            let other_from_target = other.camera_from_input.after(&target.camera_from_input.inverse());
-            let warped = warped(
-                &other.gray,
-                [left, top, width, height],
+        likeness.fill([f32::NEG_INFINITY; 2]);
+        for (gray, other_from_target) in &others {
+            warp(
+                gray,
                 camera,
-                &other_from_target,
+                other_from_target,
                 inverse_depth,
+                [left, top],
+                &mut warped,
             );
-            let correlated = own.correlations(&gray, &warped, options.radius_px);
-            for (best, &i) in likeness.iter_mut().zip(&wanted) {
-                let value = correlated[i];
+            own.correlate(&mut warped, &wanted, &mut scratch, |k, value| {
+                let best = &mut likeness[k];
                 if value > best[0] {
                     *best = [value, best[0]];
                 } else if value > best[1] {
                     best[1] = value;
                 }
-            }
+            });
         }
         for (k, best) in likeness.iter().enumerate() {
-            let known: Vec<f32> = best.iter().copied().filter(|value| value.is_finite()).collect();
-            scores[k * options.planes + plane] = if known.is_empty() {
-                -1.0
-            } else {
-                known.iter().sum::<f32>() / known.len() as f32
+            scores[k * options.planes + plane] = match *best {
+                [first, second] if second.is_finite() => 0.5 * (first + second),
+                [first, _] => first.max(-1.0),
             };
         }
     }
@@ -257,7 +266,7 @@ fn peak(scores: &[f32], least: f32) -> Option<f64> {
         return None;
     }
     // Another peak as high says that the texture repeats.
-    let apart = scores
+    let repeated = scores
         .iter()
         .enumerate()
         .filter(|(k, _)| k.abs_diff(best) > 4)
@@ -266,7 +275,7 @@ fn peak(scores: &[f32], least: f32) -> Option<f64> {
                 && score >= scores[k.saturating_sub(1)]
                 && score >= scores[(k + 1).min(scores.len() - 1)]
         });
-    if apart {
+    if repeated {
         return None;
     }
     let [before, at, after] = [scores[best - 1], scores[best], scores[best + 1]].map(f64::from);
@@ -277,107 +286,6 @@ fn peak(scores: &[f32], least: f32) -> Option<f64> {
         0.0
     };
     Some(best as f64 + offset.clamp(-0.5, 0.5))
-}
-
-/// What another frame sees on a plane at this inverse depth before the target, within \[left, top, width, height\] of its picture; NaN
-/// beyond the other's border.
-fn warped(
-    other: &Grid<f32>,
-    [left, top, width, height]: [usize; 4],
-    camera: &Pinhole,
-    other_from_target: &Pose,
-    inverse_depth: f64,
-) -> Grid<f32> {
-    let camera_matrix = camera.matrix();
-    let rotation = other_from_target.rotation.matrix();
-    // x_other ~ R x / z + t / z: the translation acts on the plane's third row alone.
-    let mut motion = *rotation;
-    for row in 0..3 {
-        motion[(row, 2)] += other_from_target.translation[row] * inverse_depth;
-    }
-    let Some(inverse) = camera_matrix.try_inverse() else {
-        return Grid::filled(width, height, f32::NAN);
-    };
-    let homography = camera_matrix * motion * inverse;
-    let (last_column, last_row) = (other.width() as f64 - 1.0, other.height() as f64 - 1.0);
-    Grid::from_fn(width, height, |column, row| {
-        let seen = homography * Vector3::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5, 1.0);
-        let (u, v) = (seen.x / seen.z - 0.5, seen.y / seen.z - 0.5);
-        if !(seen.z > 0.0 && u >= 0.0 && v >= 0.0 && u < last_column && v < last_row) {
-            return f32::NAN;
-        }
-        let (c, r) = (u as usize, v as usize);
-        let (x, y) = ((u - c as f64) as f32, (v - r as f64) as f32);
-        let at = |c: usize, r: usize| other[(c, r)];
-        let (top, bottom) = (
-            at(c, r) + x * (at(c + 1, r) - at(c, r)),
-            at(c, r + 1) + x * (at(c + 1, r + 1) - at(c, r + 1)),
-        );
-        top + y * (bottom - top)
-    })
-}
-
-/// Means and variances over a patch around every pixel.
-struct Moments {
-    mean: Vec<f32>,
-    variance: Vec<f32>,
-}
-
-impl Moments {
-    fn of(image: &Grid<f32>, radius: usize) -> Self {
-        let mean = boxed(image.data(), image.size(), radius);
-        let squares: Vec<f32> = image.data().iter().map(|x| x * x).collect();
-        let variance = boxed(&squares, image.size(), radius)
-            .iter()
-            .zip(&mean)
-            .map(|(square, mean)| square - mean * mean)
-            .collect();
-        Self { mean, variance }
-    }
-
-    /// Normalised cross-correlation with another image, per pixel; −1 where it is not known.
-    fn correlations(&self, own: &Grid<f32>, other: &Grid<f32>, radius: usize) -> Vec<f32> {
-        let known: Grid<f32> = Grid::from_fn(other.width(), other.height(), |column, row| {
-            let value = other[(column, row)];
-            if value.is_nan() { 0.0 } else { value }
-        });
-        let theirs = Self::of(&known, radius);
-        let products: Vec<f32> = own.data().iter().zip(known.data()).map(|(a, b)| a * b).collect();
-        boxed(&products, own.size(), radius)
-            .iter()
-            .enumerate()
-            .map(|(i, product)| {
-                let spread = self.variance[i].max(0.0) * theirs.variance[i].max(0.0);
-                if other.data()[i].is_nan() || spread < 1e-2 {
-                    return -1.0;
-                }
-                (product - self.mean[i] * theirs.mean[i]) / spread.sqrt()
-            })
-            .collect()
-    }
-}
-
-/// The mean over a patch around every pixel, cut off at the border.
-fn boxed(values: &[f32], (width, height): (usize, usize), radius: usize) -> Vec<f32> {
-    let mut sums = vec![0.0f64; (width + 1) * (height + 1)];
-    for row in 0..height {
-        let mut line = 0.0;
-        for column in 0..width {
-            line += f64::from(values[row * width + column]);
-            sums[(row + 1) * (width + 1) + column + 1] = sums[row * (width + 1) + column + 1] + line;
-        }
-    }
-    let mut means = Vec::with_capacity(values.len());
-    for row in 0..height {
-        let (top, bottom) = (row.saturating_sub(radius), (row + radius + 1).min(height));
-        for column in 0..width {
-            let (left, right) = (column.saturating_sub(radius), (column + radius + 1).min(width));
-            let at = |column: usize, row: usize| sums[row * (width + 1) + column];
-            let sum = at(right, bottom) - at(left, bottom) - at(right, top) + at(left, top);
-            means.push((sum / ((right - left) * (bottom - top)) as f64) as f32);
-        }
-    }
-    means
 }
 
 /// What enough other frames find, too.
@@ -419,15 +327,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_box_is_the_mean_of_what_it_covers() {
-        let values: Vec<f32> = (0..12).map(|i| i as f32).collect();
-        let means = boxed(&values, (4, 3), 1);
-        assert_eq!(means[5], 5.0);
-        assert_eq!(means[0], (0.0 + 1.0 + 4.0 + 5.0) / 4.0);
-        assert_eq!(means[11], (6.0 + 7.0 + 10.0 + 11.0) / 4.0);
-    }
-
-    #[test]
     fn a_peak_is_found_between_planes_unless_there_are_two() {
         let bump = |at: f64| {
             (0..40)
@@ -439,15 +338,5 @@ mod tests {
         let twice: Vec<f32> = bump(10.0).iter().zip(bump(30.0)).map(|(a, b)| a.max(b)).collect();
         assert_eq!(peak(&twice, 0.8), None);
         assert_eq!(peak(&[0.5; 5], 0.8), None);
-    }
-
-    #[test]
-    fn correlation_does_not_see_contrast_or_brightness() {
-        let image = Grid::from_fn(12, 12, |c, r| ((c * 7 + r * 13) % 17) as f32);
-        let other = Grid::from_fn(12, 12, |c, r| 3.0 * image[(c, r)] + 20.0);
-        let own = Moments::of(&image, 2);
-        for value in own.correlations(&image, &other, 2) {
-            assert!((value - 1.0).abs() < 1e-3, "{value}");
-        }
     }
 }

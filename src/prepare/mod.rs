@@ -27,17 +27,13 @@ use crate::image::{DepthMap, Mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
-use motion::{Motion, MotionError, View};
+use motion::{FocalEvidence, Motion, MotionError, View};
 use std::path::Path;
 use std::time::Instant;
 
 /// Of the poses made here, in diagonals of the object: rendered ones are right to a sixth of a degree, and held more loosely than that
 /// they get worse, as the prior has no shape that is just the object's.
 const MOTION_DEVIATION: f64 = 0.001;
-
-/// A known focal length is doubted where the features alone would have another whose logarithm differs by more. From short arcs they
-/// are themselves off by up to a tenth.
-const FOCAL_DOUBT: f64 = 0.12;
 
 /// What can be chosen.
 #[derive(Clone, Debug, Default)]
@@ -142,7 +138,7 @@ pub fn prepare(
 
     let contents: Vec<&[bool]> = masks.iter().map(Mask::data).collect();
     let key = Key::of(&(key, contents)).and(&options.motion).and(&options.focal);
-    let (motion, focal_source) = moved(&photos, &masks, options, cache, key, watch)?;
+    let (motion, known_focal, focal_source) = moved(&photos, &masks, options, cache, key, watch)?;
     let placed = motion.camera_from_input.iter().flatten().count();
     let lost: Vec<&str> = photos
         .iter()
@@ -151,21 +147,12 @@ pub fn prepare(
         .map(|(photo, _)| photo.name.as_str())
         .collect();
     let mut words = format!(
-        "{placed} of {} frames placed, {} points, {:.2} px; focal length {:.0} px {}",
+        "{placed} of {} frames placed, {} points, {:.2} px; {}",
         photos.len(),
         motion.points.len(),
         motion.error_px,
-        motion.camera.fx,
-        focal_source.words()
+        focal_source.say(&motion, known_focal),
     );
-    let better = motion.better_focal_px.unwrap_or(motion.camera.fx) / motion.camera.fx;
-    if better.ln().abs() > FOCAL_DOUBT {
-        words += &format!(
-            ", IN DOUBT: the features would rather have it {:.0} % {}",
-            100.0 * (better - 1.0).abs(),
-            if better > 1.0 { "longer" } else { "shorter" }
-        );
-    }
     if !lost.is_empty() {
         words += &format!(
             "; dropped, too little in common with the others: {}",
@@ -234,14 +221,14 @@ pub fn prepare(
             name,
             frames,
             motion_deviation: Some(MOTION_DEVIATION),
-            focal_deviation: focal_source.left_open(),
+            focal_deviation: Some(motion.focal_deviation).filter(|&deviation| deviation > 0.0),
             truth: None,
         })?,
         stages,
     })
 }
 
-/// The best motion of those that start from any focal length worth trying.
+/// The best motion of those that start from any focal length worth trying, and what was known of the focal length before.
 fn moved(
     photos: &[Photo],
     masks: &[Mask],
@@ -249,7 +236,7 @@ fn moved(
     cache: &Cache,
     key: Key,
     watch: &Watch,
-) -> Result<(Motion, FocalSource), PrepareError> {
+) -> Result<(Motion, Option<FocalEvidence>, FocalSource), PrepareError> {
     let (cameras, focal_source) = focal::cameras(photos, options.focal)?;
     let motion_options = MotionOptions {
         focal_deviation: focal_source.deviation(),
@@ -265,7 +252,7 @@ fn moved(
                     mask,
                 })
                 .collect();
-            motion::match_features(&views, &options.motion, &|pairs| watch("matches", pairs))
+            motion::match_features(&views, &|pairs| watch("matches", pairs))
         })?;
         let mut best: Option<Motion> = None;
         let mut failure = MotionError::NoPair { matched: 0 };
@@ -283,7 +270,11 @@ fn moved(
         }
         best.ok_or(failure)
     })?;
-    Ok((motion, focal_source))
+    let known = (focal_source != FocalSource::Refined).then(|| FocalEvidence {
+        px: cameras.first().map_or(motion.camera.fx, |camera| camera.fx),
+        deviation: focal_source.deviation(),
+    });
+    Ok((motion, known, focal_source))
 }
 
 /// Pixels with depth over all pixels, of the masks of placed frames.

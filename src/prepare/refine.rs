@@ -21,7 +21,7 @@ pub struct RefineOptions {
     pub loss_width: f64,
     /// Depths whose standard deviation is a larger share of them are dropped.
     pub deviation: f64,
-    /// Of the cameras, then of each frame's depth.
+    /// Of the cameras, then of each pixel's depth.
     pub max_iterations: [u32; 2],
 }
 
@@ -156,12 +156,7 @@ fn pixels(placed: &[Placed], frame: usize, camera: &Pinhole, sources: usize) -> 
         .collect()
 }
 
-fn options(
-    camera: &Pinhole,
-    image: &RgbImage,
-    options: &RefineOptions,
-    hold_cameras: bool,
-) -> PhotometricOptions {
+fn options(camera: &Pinhole, image: &RgbImage, loss_width: f64, max_iterations: u32) -> PhotometricOptions {
     PhotometricOptions {
         fx: camera.fx,
         fy: camera.fy,
@@ -169,9 +164,8 @@ fn options(
         cy: camera.cy,
         width: image.width() as u32,
         height: image.height() as u32,
-        loss_width: options.loss_width,
-        hold_cameras,
-        max_iterations: options.max_iterations[usize::from(hold_cameras)],
+        loss_width,
+        max_iterations,
     }
 }
 
@@ -195,7 +189,7 @@ fn adjust_cameras(
     let Some(first) = placed.first() else {
         return Ok(());
     };
-    let options = options(camera, first.image, chosen, false);
+    let options = options(camera, first.image, chosen.loss_width, chosen.max_iterations[0]);
     let mut some: Vec<FreePixel> = (0..placed.len())
         .into_par_iter()
         .flat_map_iter(|frame| {
@@ -241,12 +235,11 @@ fn adjust_depth(
         }
     }
     let before: Vec<f64> = all.iter().map(|pixel| pixel.inverse_depth).collect();
-    let mut cameras = twists(used.iter().map(|&k| &placed[k].camera_from_input));
-    ffi::adjust_photometric(
-        &mut cameras,
+    ffi::adjust_pixel_depths(
+        &twists(used.iter().map(|&k| &placed[k].camera_from_input)),
         &mut all,
         &values(used.iter().map(|&k| placed[k].image)),
-        &options(camera, own.image, chosen, true),
+        &options(camera, own.image, chosen.loss_width, chosen.max_iterations[1]),
     )?;
     for (pixel, before) in all.iter().zip(before) {
         let at = (pixel.x as usize, pixel.y as usize);

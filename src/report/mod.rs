@@ -6,6 +6,7 @@
 mod colmap;
 mod colormap;
 mod colour;
+mod doubts;
 mod facets;
 mod folder;
 mod lettering;
@@ -25,6 +26,7 @@ mod write;
 pub(crate) mod fixture;
 
 pub use crate::memory::{forget_peak_memory, peak_memory_mb};
+pub use doubts::{Doubts, doubts};
 pub use folder::{check_out, file_stems};
 pub(crate) use nearest::Neighbours;
 pub use overlap::{density, silhouette_iou};

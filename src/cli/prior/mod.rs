@@ -2,9 +2,8 @@
 
 mod learning;
 
-use super::progress::interruption;
+use super::progress::{self, interruption};
 use anyhow::{Context, bail};
-use indicatif::{ProgressBar, ProgressStyle};
 use learning::{Kind, Learning, Network};
 use serde::Deserialize;
 use spba_ceres::cad::{NamedModel, SourceSpec, load_source};
@@ -192,7 +191,7 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
         ..PriorInfo::mirrored(&list.category, &prior)
     };
     prior::save(&args.out, &prior, &info)?;
-    bar.0.finish_and_clear();
+    bar.finish();
     println!(
         "{}: {} {}, {} models, {} points, {} styles{}",
         args.out.display(),
@@ -281,7 +280,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         .collect();
     let learners: Vec<_> = ways.iter().map(|&way| learner(way)).collect();
     let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points)?;
-    bar.0.finish_and_clear();
+    bar.finish();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal",
         models.len(),
@@ -425,7 +424,7 @@ impl Models {
             TrainingShape::new(&model.name, &model.mesh, times * self.samples, seed)
         };
         let shapes = models.iter().enumerate().map(shape).collect();
-        bar.0.finish_and_clear();
+        bar.finish();
         shapes
     }
 
@@ -464,24 +463,24 @@ pub fn load_models(sources: &Path) -> anyhow::Result<(SourceList, Vec<NamedModel
     Ok((list, models))
 }
 
-/// A progress bar on standard error.
-pub struct Bar(pub ProgressBar);
+/// How far learning is.
+pub struct Bar(progress::Progress);
 
 impl Bar {
     pub fn new() -> Self {
-        let style = ProgressStyle::with_template("{msg:14} {bar:40} {pos}/{len} {elapsed}");
-        Self(ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
+        Self(progress::Progress::new())
     }
 
     pub fn training(&self, step: usize, steps: usize, loss: f64) {
-        self.0.set_message(format!("loss {loss:.5}"));
-        self.0.set_length(steps as u64);
-        self.0.set_position(step as u64);
+        self.0
+            .step_saying("training", &format!(", loss {loss:.5}"), step, steps);
     }
 
     pub fn show(&self, progress: &Progress) {
-        self.0.set_message(progress.stage);
-        self.0.set_length(progress.total as u64);
-        self.0.set_position(progress.done as u64);
+        self.0.step(progress.stage, progress.done, progress.total);
+    }
+
+    pub fn finish(&self) {
+        self.0.finish();
     }
 }

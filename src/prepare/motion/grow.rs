@@ -1,5 +1,6 @@
 //! A reconstruction from two views that grows by one frame at a time, as COLMAP's does.
 
+use super::focal::{FREE, FocalEvidence, by_features};
 use super::matching::{Matching, Pair};
 use super::points::triangulated;
 use super::tracks::{Seen, tracks};
@@ -18,8 +19,6 @@ const LEAST_ANGLE_DEG: f64 = 1.5;
 const START_ANGLE_DEG: f64 = 8.0;
 /// No point lies so near to a camera, in baselines of the first pair.
 const NEAREST: f64 = 0.2;
-/// Deviation of a focal length's logarithm that leaves it to the features.
-pub const FREE: f64 = 1.0;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
 
@@ -32,10 +31,12 @@ struct Verified {
     angle_deg: f64,
 }
 
+#[derive(Clone)]
 pub struct Reconstruction<'a> {
     matching: &'a Matching,
     options: &'a MotionOptions,
-    focal_deviation: f64,
+    /// Whether features may move the focal length.
+    free_focal: bool,
     camera: Pinhole,
     /// Multiplies the camera's focal lengths.
     zoom: f64,
@@ -92,7 +93,7 @@ impl<'a> Reconstruction<'a> {
         Ok(Self {
             matching,
             options,
-            focal_deviation: options.focal_deviation,
+            free_focal: options.focal_deviation >= FREE,
             camera: *camera,
             zoom: 1.0,
             poses,
@@ -121,13 +122,43 @@ impl<'a> Reconstruction<'a> {
             }
         }
         self.adjust(ROUNDS)?;
-        let mut motion = self.motion();
-        if self.focal_deviation > 0.0 && self.focal_deviation < FREE {
-            self.focal_deviation = FREE;
+        let by_features = by_features(&self)?;
+        let known = self.options.focal_deviation;
+        let focal_deviation = if self.free_focal {
+            by_features.deviation
+        } else if known > 0.0 {
+            let both = by_features.fused(FocalEvidence {
+                px: self.focal_px(),
+                deviation: known,
+            });
+            self.zoom = both.px / self.camera.fx;
             self.adjust(ROUNDS)?;
-            motion.better_focal_px = Some(self.zoomed().fx);
+            both.deviation
+        } else {
+            0.0
+        };
+        Ok(self.motion(focal_deviation, by_features))
+    }
+
+    pub fn with_free_focal(self) -> Self {
+        Self {
+            free_focal: true,
+            ..self
         }
-        Ok(motion)
+    }
+
+    pub fn focal_px(&self) -> f64 {
+        self.zoomed().fx
+    }
+
+    pub fn points(&self) -> impl Iterator<Item = &Vector3<f64>> {
+        self.points.iter().flatten()
+    }
+
+    pub fn keep_points(&mut self, keep: impl Fn(&Vector3<f64>) -> bool) {
+        for point in &mut self.points {
+            *point = point.filter(&keep);
+        }
     }
 
     /// x and y on the plane z = 1 of a feature.
@@ -256,7 +287,8 @@ impl<'a> Reconstruction<'a> {
         Ok(())
     }
 
-    fn bundle(&mut self) -> Result<(), MotionError> {
+    /// Adjusts all poses and points, and the focal length if it is free.
+    pub fn bundle(&mut self) -> Result<(), MotionError> {
         let mut place = vec![None; self.poses.len()];
         let mut cameras = Vec::with_capacity(6 * self.order.len());
         for (k, &frame) in self.order.iter().enumerate() {
@@ -301,8 +333,8 @@ impl<'a> Reconstruction<'a> {
             cy: self.camera.cy,
             loss_width: 0.5 * self.tolerance(),
             // From few frames a focal length cannot be told from a distance.
-            zoom_deviation: if self.order.len() > 4 {
-                self.focal_deviation
+            zoom_deviation: if self.free_focal && self.order.len() > 4 {
+                FREE
             } else {
                 0.0
             },
@@ -319,7 +351,7 @@ impl<'a> Reconstruction<'a> {
         Ok(())
     }
 
-    fn motion(&self) -> Motion {
+    fn motion(&self, focal_deviation: f64, focal_by_features: FocalEvidence) -> Motion {
         let (mut points, mut seen_in, mut squares, mut count) = (Vec::new(), Vec::new(), 0.0, 0);
         for (track, point) in self.tracks.iter().zip(&self.points) {
             let Some(point) = point else {
@@ -341,7 +373,8 @@ impl<'a> Reconstruction<'a> {
             camera_from_input: self.poses.clone(),
             points,
             seen_in,
-            better_focal_px: None,
+            focal_deviation,
+            focal_by_features,
             error_px: (squares / f64::from(count.max(1))).sqrt(),
         }
     }

@@ -2,6 +2,8 @@
 //!
 //! Features and matches are OpenCV's; two views start a reconstruction, further frames are added one by one, and Ceres adjusts all.
 
+mod alike;
+mod focal;
 mod grow;
 mod matching;
 mod points;
@@ -11,24 +13,21 @@ pub use matching::{Matching, match_features};
 
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{Mask, RgbImage};
-pub use grow::FREE;
+pub use focal::{FREE, FocalEvidence};
 use grow::Reconstruction;
 
 /// What can be chosen.
 #[derive(Clone, Debug)]
 pub struct MotionOptions {
-    /// A frame is matched with so many after it.
-    pub reach: usize,
     /// A feature may be so far from where a pose sees it, in pixels of an object whose mask is 500 pixels across.
     pub error_px: f64,
-    /// How well the focal length is known: the standard deviation of its logarithm; 0 keeps it.
+    /// How well the focal length is known: the standard deviation of its logarithm; 0 keeps it, [`FREE`] leaves it to the features.
     pub focal_deviation: f64,
 }
 
 impl Default for MotionOptions {
     fn default() -> Self {
         Self {
-            reach: 24,
             error_px: 3.0,
             focal_deviation: 0.0,
         }
@@ -51,8 +50,10 @@ pub struct Motion {
     pub points: Vec<Vector3<f64>>,
     /// Per point: the frames that see it.
     pub seen_in: Vec<Vec<u32>>,
-    /// fx as the features alone would have it, where it was known and held.
-    pub better_focal_px: Option<f64>,
+    /// How well the camera's focal length is known by all evidence: the standard deviation of its logarithm; 0 where it was kept.
+    pub focal_deviation: f64,
+    /// What the features alone say of fx.
+    pub focal_by_features: FocalEvidence,
     /// Root mean square over all observations.
     pub error_px: f64,
 }

@@ -166,8 +166,8 @@ pub(super) fn pose(
 ) -> Result<Pose, SequenceError> {
     let [w, x, y, z] = quaternion;
     let quaternion = Quaternion::new(w, x, y, z);
-    // Written so that NaN fails.
-    if !((quaternion.norm() - 1.0).abs() < 1e-3) {
+    // NaN lies in no range.
+    if !(0.999..1.001).contains(&quaternion.norm()) {
         return Err(SequenceError::invalid(
             file,
             place,

@@ -1,0 +1,121 @@
+//! What features say of the focal length, how far that can be trusted, and how it goes together with what was known.
+
+use super::MotionError;
+use super::grow::Reconstruction;
+use crate::geometry::Vector3;
+use rayon::prelude::*;
+
+/// Deviation of a focal length's logarithm that leaves it to the features.
+pub const FREE: f64 = 1.0;
+/// No evidence is taken to be better than this.
+const LEAST_DEVIATION: f64 = 0.005;
+
+/// A focal length and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct FocalEvidence {
+    pub px: f64,
+    /// Standard deviation of its logarithm.
+    pub deviation: f64,
+}
+
+impl FocalEvidence {
+    /// Both together: the mean of the logarithms, weighted by the inverse variances.
+    pub fn fused(self, other: Self) -> Self {
+        let [own, theirs] = [self, other].map(|evidence| evidence.deviation.powi(-2));
+        let log = (own * self.px.ln() + theirs * other.px.ln()) / (own + theirs);
+        Self {
+            px: log.exp(),
+            deviation: (own + theirs).powf(-0.5),
+        }
+    }
+
+    /// By how many standard deviations of their difference the two differ.
+    pub fn apart(self, other: Self) -> f64 {
+        (self.px / other.px).ln().abs() / self.deviation.hypot(other.deviation)
+    }
+}
+
+/// What the features of a reconstruction say: an adjustment that leaves the focal length to them, and how much it changes when the
+/// points of each eighth of the object are left out in turn (the jackknife over groups). Formal variances know nothing of highlights that
+/// slide over paint, a whole region of which is wrong together: of three cars whose turn is known, the features are off by 1, 8 and 19 %,
+/// by the jackknife ± 2, 14 and 16 %.
+pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, MotionError> {
+    let mut all = reconstruction.clone().with_free_focal();
+    all.bundle()?;
+    let px = all.focal_px();
+    let octant = octants(&all.points().copied().collect::<Vec<_>>());
+    let logs = (0..8)
+        .into_par_iter()
+        .map(|left_out| {
+            let mut some = all.clone();
+            some.keep_points(|point| octant(point) != left_out);
+            some.bundle()?;
+            Ok((some.focal_px() / px).ln())
+        })
+        .collect::<Result<Vec<f64>, MotionError>>()?;
+    Ok(FocalEvidence {
+        px,
+        deviation: jackknife(&logs).max(LEAST_DEVIATION),
+    })
+}
+
+/// Which eighth of the object a point belongs to, as split by the medians of the coordinates.
+fn octants(points: &[Vector3<f64>]) -> impl Fn(&Vector3<f64>) -> usize + Sync + use<> {
+    let middle = super::super::depth::middle(points);
+    move |point| (0..3).map(|k| usize::from(point[k] > middle[k]) << k).sum()
+}
+
+/// The standard deviation of an estimate by what it becomes without each of several groups of its data.
+fn jackknife(without: &[f64]) -> f64 {
+    let count = without.len() as f64;
+    let mean = without.iter().sum::<f64>() / count;
+    let squares: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
+    ((count - 1.0) / count * squares).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_counts_by_its_variance() {
+        let sharp = FocalEvidence {
+            px: 300.0,
+            deviation: 0.01,
+        };
+        let blunt = FocalEvidence {
+            px: 330.0,
+            deviation: 0.1,
+        };
+        let both = sharp.fused(blunt);
+        let share = 1.0 / 101.0;
+        assert!((both.px - 300.0 * 1.1f64.powf(share)).abs() < 1e-9);
+        assert!((both.deviation - 0.01 * (100.0f64 / 101.0).sqrt()).abs() < 1e-12);
+        assert!((sharp.apart(blunt) - 1.1f64.ln() / 0.0101f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_jackknife_of_a_mean_is_its_standard_error() {
+        let values = [3.0, 5.0, 4.0, 8.0];
+        let sum: f64 = values.iter().sum();
+        let without = values.map(|value| (sum - value) / 3.0);
+        // Variance 14 / 3 of the values, a quarter of it of their mean.
+        assert!((jackknife(&without) - (14.0f64 / 3.0 / 4.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn octants_are_told_apart_by_every_coordinate() {
+        let corners: Vec<Vector3<f64>> = (0..8)
+            .map(|k| Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64))
+            .collect();
+        let points: Vec<Vector3<f64>> = corners
+            .iter()
+            .map(|corner| corner * 2.0)
+            .chain([Vector3::repeat(1.0)])
+            .collect();
+        let octant = octants(&points);
+        for (k, corner) in corners.iter().enumerate() {
+            assert_eq!(octant(&(corner * 2.0)), k);
+        }
+    }
+}
