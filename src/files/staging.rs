@@ -1,6 +1,5 @@
 //! A folder that appears complete or not at all.
 
-use rustix::fs::{CWD, RenameFlags, renameat_with};
 use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::MetadataExt;
@@ -66,7 +65,9 @@ impl Staging {
     }
 
     /// Makes it the target, instead of one that is there.
+    #[cfg(any(feature = "vision", test))]
     pub fn replace(self) -> Result<()> {
+        use rustix::fs::{CWD, RenameFlags, renameat_with};
         if self.target.symlink_metadata().is_err() {
             return self.publish();
         }

@@ -31,7 +31,9 @@ pub(crate) use mask_file::mask_of_pixels;
 pub(crate) use names::{Pictures, natural_key};
 #[cfg(test)]
 pub(crate) use picture::exif_jpeg;
-pub(crate) use picture::{PictureFile, colours, dimensions};
+#[cfg(feature = "vision")]
+pub(crate) use picture::colours;
+pub(crate) use picture::{PictureFile, dimensions};
 pub(crate) use remap::PixelMap;
 
 /// Reads a picture's bytes, as it is and as a mask, and what it says of its camera: for the targets in `fuzz/`.
