@@ -106,7 +106,9 @@ fn compile(
         .opt_level(3)
         .flags(["-Wall", "-Wextra", "-Werror"])
         // A root needs no call for the sake of errno.
-        .flag("-fno-math-errno");
+        .flag("-fno-math-errno")
+        // Lines alone: Ceres' templates described in full are a hundred megabytes in each of thirty programs.
+        .flag("-g1");
     if std::env::var("PROFILE").is_ok_and(|profile| profile == "release") {
         build.define("NDEBUG", None);
     }
