@@ -82,6 +82,18 @@ pub struct Args {
     /// (alternating) [default: joint; the paper alternates]
     #[arg(long, value_parser = ["joint", "alternating"])]
     strategy: Option<String>,
+    /// Pose hypotheses that each get a short solve [default: 8; the paper keeps the one of best IoU]
+    #[arg(long, value_name = "N")]
+    hypotheses: Option<usize>,
+    /// Points of the prior to solve with; 0 = all [default: 8192]
+    #[arg(long, value_name = "N")]
+    points: Option<usize>,
+    /// Pyramid levels [default: 3; the paper mentions none]
+    #[arg(long, value_name = "N")]
+    levels: Option<usize>,
+    /// Steps of Algorithm 1 per pyramid level [default: 20]
+    #[arg(long, value_name = "N")]
+    max_steps: Option<usize>,
     /// Threads over hypotheses; the result does not depend on it [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -301,6 +313,10 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     add_flag(given, "--init-pose", "start.pose", &args.init_pose)?;
     add_flag(given, "--solver", "solver.minimiser.method", &args.solver)?;
     add_flag(given, "--strategy", "solver.strategy", &args.strategy)?;
+    add_flag(given, "--hypotheses", "init.hypotheses.count", &args.hypotheses)?;
+    add_flag(given, "--points", "objective.points", &args.points)?;
+    add_flag(given, "--levels", "solver.levels", &args.levels)?;
+    add_flag(given, "--max-steps", "solver.max_steps", &args.max_steps)?;
     add_flag(given, "--threads", "threads", &args.threads)?;
     let config = Config::layered(args.config.as_deref(), &settings)?;
     // The library looks too, but a video takes minutes to get there.

@@ -29,10 +29,10 @@ pub use pyramid::{halve_depth, halve_image, halve_mask, pyramid};
 pub(crate) use files::{one_line, rgb};
 pub(crate) use mask_file::mask_of_pixels;
 pub(crate) use names::{Pictures, natural_key};
-#[cfg(test)]
-pub(crate) use picture::exif_jpeg;
 #[cfg(feature = "vision")]
 pub(crate) use picture::colours;
+#[cfg(test)]
+pub(crate) use picture::exif_jpeg;
 pub(crate) use picture::{PictureFile, dimensions};
 pub(crate) use remap::PixelMap;
 
