@@ -1,7 +1,7 @@
 //! SGI pictures, as textures of a model.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+libfuzzer_sys::fuzz_target!(init: spba_ceres::quiet_guarded_panics(), |data: &[u8]| {
     // Told by content.
     let data = [&[0x01, 0xda], data].concat();
     spba_ceres_fuzz::folder_with("a.rgb", &data);
