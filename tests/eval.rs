@@ -124,6 +124,7 @@ fn write_result_of(
         surface,
         input: input.to_str().unwrap(),
         prior: "none 1",
+        masks_anew: &[],
         config,
         peak_memory_mb: None,
     };

@@ -86,6 +86,20 @@ impl RawArgs {
         }
     }
 
+    /// How masks are made; `None` where they are given.
+    pub fn mask_options_where_made(&self, category: &str) -> Option<MaskOptions> {
+        self.masks.is_none().then(|| self.mask_options(Some(category)))
+    }
+
+    fn mask_options(&self, category: Option<&str>) -> MaskOptions {
+        MaskOptions {
+            given: self.masks.clone(),
+            object_box: self.object_box,
+            networks: self.networks(),
+            category: category.map(str::to_owned),
+        }
+    }
+
     fn options(&self, category: Option<&str>) -> PrepareOptions {
         let photos = PhotoOptions::default();
         PrepareOptions {
@@ -94,12 +108,7 @@ impl RawArgs {
                 longest_px: self.max_size.unwrap_or(photos.longest_px),
             },
             focal: self.focal,
-            masks: MaskOptions {
-                given: self.masks.clone(),
-                object_box: self.object_box,
-                networks: self.networks(),
-                category: category.map(str::to_owned),
-            },
+            masks: self.mask_options(category),
             ..PrepareOptions::default()
         }
     }

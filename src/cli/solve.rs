@@ -154,6 +154,44 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         &|row| watch.see(row),
     )?;
     watch.finish();
+    #[cfg_attr(not(feature = "vision"), expect(unused_mut))]
+    let mut masks_anew: Vec<String> = Vec::new();
+    #[cfg(feature = "vision")]
+    if prepared != input && solution.termination != Termination::Interrupted {
+        let mended = with_masks_by_shape(&sequence, &learned, &solution, &args.raw, &prior_info.category)?;
+        if let Some((mended, names)) = mended {
+            println!(
+                "{:16} decided anew where the shape did not explain them: {}",
+                "masks",
+                names.join(", ")
+            );
+            let found = &solution.estimate;
+            let mut start = init::initialise_at(
+                &mended,
+                prior.as_ref(),
+                &style,
+                target,
+                &found.camera_from_object,
+                found.alpha,
+                &config.init,
+            )?;
+            start.estimate.focal_factor = found.focal_factor;
+            let watch = progress::Watch::start()?;
+            let again = solver::solve(
+                &Footage::new(&mended, config.solver.levels)?,
+                &prior,
+                target,
+                &[start],
+                &config.objective,
+                &config.solver,
+                &|row| watch.see(row),
+            )?;
+            watch.finish();
+            solution = again.after(solution);
+            sequence = mended;
+            masks_anew = names;
+        }
+    }
     // What follows sees the cameras that were found.
     sequence = sequence.edited(|content| {
         for frame in &mut content.frames {
@@ -173,6 +211,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             surface: &surface,
             input: &input.display().to_string(),
             prior: &name_of(&prior_info),
+            masks_anew: &masks_anew,
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
         },
@@ -218,6 +257,50 @@ fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::
         super::prepare::IfMade::Replace,
     )?;
     Ok(folder)
+}
+
+/// The sequence with masks that its solved shape explains better, and the names of the frames whose masks these are.
+#[cfg(feature = "vision")]
+fn with_masks_by_shape(
+    sequence: &Sequence,
+    prior: &LearnedPrior,
+    solution: &Solution,
+    raw: &RawArgs,
+    category: &str,
+) -> anyhow::Result<Option<(Sequence, Vec<String>)>> {
+    let Some(options) = raw.mask_options_where_made(category) else {
+        return Ok(None);
+    };
+    let surface = Surface::from_points(prior.shape(&solution.estimate.style));
+    let interrupted = progress::interruption()?;
+    let progress = progress::Progress::new();
+    let masks =
+        spba_ceres::prepare::masks_by_shape(sequence, &surface, &solution.estimate, &options, &|steps| {
+            progress.advance("masks by the shape", steps);
+            !interrupted.load(std::sync::atomic::Ordering::SeqCst)
+        });
+    progress.finish();
+    let masks = match masks {
+        // What was solved is worth keeping.
+        Err(PrepareError::Interrupted) => return Ok(None),
+        masks => masks?,
+    };
+    let named = sequence.frames.iter().zip(&masks);
+    let names: Vec<String> = named
+        .filter(|(_, mask)| mask.is_some())
+        .map(|(frame, _)| frame.name.clone())
+        .collect();
+    if names.is_empty() {
+        return Ok(None);
+    }
+    let mended = sequence.clone().edited(|content| {
+        for (frame, mask) in content.frames.iter_mut().zip(masks) {
+            if let Some(mask) = mask {
+                frame.mask = mask;
+            }
+        }
+    })?;
+    Ok(Some((mended, names)))
 }
 
 /// As results name a prior.

@@ -16,7 +16,7 @@ pub use cache::Cache;
 pub use depth::DepthOptions;
 pub use error::PrepareError;
 pub use focal::{Focal, FocalSource};
-pub use masks::{MaskOptions, NetworkError, ObjectBox};
+pub use masks::{MaskOptions, NetworkError, ObjectBox, masks_by_shape};
 pub use motion::MotionOptions;
 pub use photos::{Input, Origin, Photo, PhotoOptions, Photos};
 pub use refine::RefineOptions;

@@ -36,6 +36,9 @@ pub struct RunResult {
     pub objective: ObjectiveSpan,
     pub silhouette_iou_mean: f64,
     pub density_mean: f64,
+    /// Names of the frames whose masks were decided anew where the shape did not explain them.
+    #[serde(default)]
+    pub masks_anew: Vec<String>,
     pub evaluations: Evaluations,
     pub iterations: usize,
     pub termination: Termination,

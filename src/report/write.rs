@@ -8,7 +8,7 @@ use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord
 use super::{density, file_stems, overlay, ply, silhouette_iou, trace, trajectory};
 use crate::files::write_whole;
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
-use crate::image::write_depth;
+use crate::image::{write_depth, write_mask};
 use crate::init::Estimate;
 use crate::sequence::Sequence;
 use crate::solver::Solution;
@@ -25,6 +25,8 @@ pub struct ReportInput<'a> {
     pub input: &'a str,
     /// The shape prior's name and version.
     pub prior: &'a str,
+    /// Names of the frames whose masks were decided anew; these are written as well.
+    pub masks_anew: &'a [String],
     /// The effective configuration, TOML.
     pub config: &'a str,
     /// [`peak_memory_mb`](super::peak_memory_mb) at the end of the solve.
@@ -56,6 +58,10 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let object_from_input = object_from_input(sequence, estimate);
     let staging = Staging::beside(out)?;
     let (depth_folder, overlay_folder) = (staging.folder("depth")?, staging.folder("overlay")?);
+    let mask_folder = match input.masks_anew {
+        [] => None,
+        _ => Some(staging.folder("masks")?),
+    };
 
     let stems = file_stems(sequence.frames.iter().map(|frame| frame.name.as_str()));
     let mut gatherer = ColourGatherer::new(input.surface.points().len());
@@ -72,6 +78,11 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
             density(&frame.mask, &silhouette),
         );
         gatherer.add(frame, pose, input.surface, &view);
+        if let Some(folder) = &mask_folder
+            && input.masks_anew.contains(&frame.name)
+        {
+            write_mask(&frame.mask, &folder.join(format!("{stem}.png")))?;
+        }
         colmap.add(&frame.name, &frame.camera, pose, input.surface, &view);
         write_depth(&view.depth, &depth_folder.join(format!("{stem}.exr")))?;
         let overlay = overlay::overlay(&frame.image, &view.depth, &frame.mask);
@@ -247,6 +258,7 @@ fn summarise(
         },
         silhouette_iou_mean: mean(|frame| frame.silhouette_iou),
         density_mean: mean(|frame| frame.density),
+        masks_anew: input.masks_anew.to_vec(),
         frames,
         evaluations: solution.evaluations,
         iterations: solution.iterations,
@@ -280,6 +292,7 @@ mod tests {
             surface,
             input: "data/box",
             prior: "box 1",
+            masks_anew: &[],
             config: "[solver]\n",
             peak_memory_mb: Some(12.5),
         }
@@ -370,7 +383,7 @@ mod tests {
             keys.sort();
             keys
         };
-        let top = "alpha density_mean evaluations focal_factor frames hypotheses input iterations object_from_input objective \
+        let top = "alpha density_mean evaluations focal_factor frames hypotheses input iterations masks_anew object_from_input objective \
                    peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
         assert_eq!(keys(&json).join(" "), top);
         let frame = "center density name rotation silhouette_iou translation";

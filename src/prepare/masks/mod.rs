@@ -1,6 +1,7 @@
 //! The object in every frame: from files, by networks, or without any by its colours.
 
 mod boxes;
+mod by_shape;
 mod colours;
 mod follow;
 mod given;
@@ -9,6 +10,7 @@ mod networks;
 #[cfg(test)]
 mod tiny;
 
+pub use by_shape::masks_by_shape;
 pub use network::NetworkError;
 pub use networks::descriptions;
 
