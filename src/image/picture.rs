@@ -8,6 +8,8 @@ use std::path::Path;
 
 /// No picture may take more memory than this once decoded: 2³⁰ bytes are 350 million pixels of 8-bit colour.
 const MOST_BYTES: u64 = 1 << 30;
+/// A byte of a JPEG holds no more pixels than this: each block of 64 takes a bit for its mean at least, and twice as many are allowed.
+const JPEG_PIXELS_PER_BYTE: u64 = 1024;
 
 /// A picture with its pixels as they lie in the file.
 pub(crate) struct PictureFile {
@@ -64,7 +66,8 @@ impl PictureFile {
             .with_guessed_format()
             .map_err(|error| one_line(&error.to_string()))?;
         // Decoders fill up what a cut-off JPEG lacks with grey.
-        if reader.format() == Some(ImageFormat::Jpeg) && is_cut_off(bytes) {
+        let is_jpeg = reader.format() == Some(ImageFormat::Jpeg);
+        if is_jpeg && is_cut_off(bytes) {
             return Err("the file ends before its picture does".into());
         }
         let told = |error: image::ImageError| one_line(&error.to_string());
@@ -72,6 +75,9 @@ impl PictureFile {
         let (width, height) = decoder.dimensions();
         if decoder.total_bytes() > MOST_BYTES {
             return Err(format!("{width} × {height} pixels are too many"));
+        }
+        if is_jpeg && u64::from(width) * u64::from(height) > JPEG_PIXELS_PER_BYTE * bytes.len() as u64 {
+            return Err(format!("{} bytes hold no {width} × {height} pixels", bytes.len()));
         }
         let turn = Turn(decoder.orientation().map_err(told)?);
         let pixels = DynamicImage::from_decoder(decoder).map_err(told)?;
@@ -215,5 +221,15 @@ mod tests {
         png[29..33].copy_from_slice(&sum.to_be_bytes());
         let message = PictureFile::decode(&png).err().unwrap();
         assert!(message.contains("32767"), "{message}");
+    }
+
+    #[test]
+    fn a_jpeg_that_cannot_hold_its_pixels_is_refused_before_the_work() {
+        let mut jpeg = jpeg(32, 16, 1);
+        let frame = jpeg.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+        // Height and width, after marker, length and precision.
+        jpeg[frame + 5..frame + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
+        let message = PictureFile::decode(&jpeg).err().unwrap();
+        assert!(message.contains("hold no 16384 × 16384 pixels"), "{message}");
     }
 }
