@@ -3,8 +3,8 @@
 
 use super::boxes::Sides;
 use super::colours::{BACKGROUND, MAYBE_BACKGROUND, MAYBE_OBJECT, OBJECT, cut, working};
-use super::follow::{LOOSE, MARGIN, mask_of};
-use super::networks::Networks;
+use super::follow::{CLASS_MARGIN, LOOSE, MARGIN, mask_of, settled};
+use super::networks::{Likelihood, Networks};
 use super::{MaskOptions, cleaned, picture};
 use crate::bridge::vision::ffi::{self, Colours, Picture};
 use crate::geometry::{Pinhole, Pose, Vector2};
@@ -157,26 +157,39 @@ impl Explained<'_> {
         cleaned(off.collect(), width, height, 1)
     }
 
-    /// What stands out about the silhouette, in its box and off the floor.
+    /// What stands out about the silhouette, in its box and off the floor; where that differs from the mask, each part by how likely
+    /// it is of the category, if that is known.
     fn looked_at(&self, networks: &Networks) -> Result<Mask, PrepareError> {
         let (width, height) = self.mask.size();
         let Some(sides) = Sides::about(self.silhouette) else {
             return Ok(self.mask.clone());
         };
-        let [left, top, right, bottom] = sides.widened(MARGIN, width, height);
-        let part = Grid::from_fn(right - left, bottom - top, |column, row| {
-            self.image[(left + column, top + row)]
-        });
-        let likely = networks.saliency(&picture(&part))?;
-        let near = sides.widened(LOOSE, width, height);
-        Ok(mask_of(&Grid::from_fn(width, height, |column, row| {
-            let inside = (near[0]..near[2]).contains(&column) && (near[1]..near[3]).contains(&row);
-            if inside && !self.floor[(column, row)] {
-                likely[(column - left, row - top)]
-            } else {
-                0
-            }
-        }))?)
+        let part = |margin: f64| {
+            let [left, top, right, bottom] = sides.widened(margin, width, height);
+            let part = Grid::from_fn(right - left, bottom - top, |column, row| {
+                self.image[(left + column, top + row)]
+            });
+            (picture(&part), left, top)
+        };
+        let placed = |found: &Likelihood, left: usize, top: usize| {
+            let [near_left, near_top, near_right, near_bottom] = sides.widened(LOOSE, width, height);
+            Grid::from_fn(width, height, |column, row| {
+                let near =
+                    (near_left..near_right).contains(&column) && (near_top..near_bottom).contains(&row);
+                if near && !self.floor[(column, row)] {
+                    found[(column - left, row - top)]
+                } else {
+                    0
+                }
+            })
+        };
+        let (about, left, top) = part(MARGIN);
+        let look = mask_of(&placed(&networks.saliency(&about)?, left, top))?;
+        let (about, left, top) = part(CLASS_MARGIN);
+        match networks.class(&about)? {
+            Some(class) => Ok(settled(self.mask, &look, &placed(&class, left, top))?),
+            None => Ok(look),
+        }
     }
 
     /// What has the colours of the silhouette's inside, near its rim.

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 /// About a box there must be so much more, as a share of its size, for a saliency network to tell what stands out.
 pub(super) const MARGIN: f64 = 0.35;
 /// The class network sees most in a narrower part.
-const CLASS_MARGIN: f64 = 0.2;
+pub(super) const CLASS_MARGIN: f64 = 0.2;
 /// The saliency network looks at every so many frames; at others where it must.
 const STEP: usize = 2;
 /// Masks that overlap less (intersection over union) do not agree.
@@ -178,7 +178,7 @@ fn mean(likelihoods: &[(f64, Likelihood)]) -> Option<Likelihood> {
 }
 
 /// `own`, with each part in which `other` differs decided by how likely it is of the class.
-fn settled(own: &Mask, other: &Mask, class: &Likelihood) -> Result<Mask, cxx::Exception> {
+pub(super) fn settled(own: &Mask, other: &Mask, class: &Likelihood) -> Result<Mask, cxx::Exception> {
     let (width, height) = own.size();
     let differ: Vec<u8> = own
         .data()
