@@ -218,7 +218,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         out,
     )?;
     summarise(&solution, &written);
-    let doubts = report::doubts(&written.result.frames, &written.result.style);
+    let doubts = report::doubts(
+        &written.result.frames,
+        &written.result.style,
+        written.result.focal_factor,
+        config.objective.focal_deviation.unwrap_or(0.0),
+    );
     for words in &doubts.words {
         println!("IN DOUBT         {words}");
     }
@@ -228,7 +233,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     anyhow::ensure!(
         doubts.explained,
-        "{}: not usable: no shape of the prior explains the masks; check the masks and --prior",
+        "{}: not usable: no likely shape of the prior explains the masks; check the masks and --prior",
         out.display()
     );
     Ok(())

@@ -10,20 +10,23 @@ const DOUBTFUL_IOU: f64 = 0.82;
 /// Lengths of a style, in √S, the usual length, that no known object needs: right results of these three have 1.3 to 1.6, those of the
 /// chair prior, also of the bundled car, where silhouettes alone do not betray it (0.88), 1.8 to 2.0.
 const UNLIKELY_STYLE: f64 = 1.7;
+/// A focal length may differ from what was known of it by so many of its standard deviations: right results differ by less than one.
+const LIKELY_FOCAL: f64 = 3.5;
 /// A frame whose IoU is so much lower than the median one stands alone: its mask or its pose is wrong.
 const LOWER_IOU: f64 = 0.12;
 
 /// What speaks against a result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Doubts {
-    /// Whether any shape of the prior explains the masks; a result that is not so is of no use.
+    /// Whether a shape of the prior explains the masks, and with a likely focal length; a result that is not so is of no use.
     pub explained: bool,
     /// For people: each with what to look at.
     pub words: Vec<String>,
 }
 
-/// Judges a result by its frames and its style, of which the prior expects the entries to have variance 1.
-pub fn doubts(frames: &[FrameResult], style: &[f64]) -> Doubts {
+/// Judges a result by its frames, its style, of which the prior expects the entries to have variance 1, and the factor that was found for
+/// the focal lengths, whose logarithm was expected to have this standard deviation (0 where they were held).
+pub fn doubts(frames: &[FrameResult], style: &[f64], focal_factor: f64, focal_deviation: f64) -> Doubts {
     let mut sorted: Vec<f64> = frames.iter().map(|frame| frame.silhouette_iou).collect();
     sorted.sort_by(f64::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
@@ -42,6 +45,14 @@ pub fn doubts(frames: &[FrameResult], style: &[f64]) -> Doubts {
             "the shape is unlike any that the prior knows ({length:.1} times the usual distance from the mean): check --prior and the masks"
         ));
     }
+    let focal_is_likely = focal_factor.ln().abs() <= LIKELY_FOCAL * focal_deviation.max(1e-3);
+    if !focal_is_likely {
+        words.push(format!(
+            "the shape asks for {focal_factor:.2} times the focal length, which was known to {:.0} %: the shape, the masks or the poses \
+             are wrong; give --focal if you know it",
+            100.0 * focal_deviation
+        ));
+    }
     let low: Vec<&str> = frames
         .iter()
         .filter(|frame| frame.silhouette_iou < median - LOWER_IOU)
@@ -54,7 +65,9 @@ pub fn doubts(frames: &[FrameResult], style: &[f64]) -> Doubts {
         ));
     }
     Doubts {
-        explained: iou >= EXPLAINED_IOU && (iou >= DOUBTFUL_IOU || length <= UNLIKELY_STYLE),
+        explained: iou >= EXPLAINED_IOU
+            && (iou >= DOUBTFUL_IOU || length <= UNLIKELY_STYLE)
+            && focal_is_likely,
         words,
     }
 }
@@ -70,7 +83,7 @@ mod tests {
             .enumerate()
             .map(|(k, &iou)| FrameResult::new(&format!("{k:03}"), &Pose::identity(), iou, 1.0))
             .collect();
-        doubts(&frames, &[style; 4])
+        doubts(&frames, &[style; 4], 1.0, 0.0)
     }
 
     #[test]
@@ -104,5 +117,18 @@ mod tests {
         );
         assert!(!of(&[0.8, 0.8], 1.9).explained);
         assert!(of(&[0.8, 0.8], 1.2).explained);
+    }
+
+    #[test]
+    fn a_focal_length_that_contradicts_what_was_known_makes_a_result_useless() {
+        let frames = [FrameResult::new("a", &Pose::identity(), 0.9, 1.0)];
+        for (factor, deviation, believed) in [(1.05, 0.06, true), (0.3, 0.18, false), (3.0, 0.18, false)] {
+            let found = doubts(&frames, &[1.0; 4], factor, deviation);
+            assert_eq!(
+                (found.explained, found.words.is_empty()),
+                (believed, believed),
+                "{factor}"
+            );
+        }
     }
 }
