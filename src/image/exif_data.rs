@@ -63,10 +63,13 @@ fn days_since_march_0000(year: u64, month: u64, day: u64) -> u64 {
     365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day
 }
 
-/// The EXIF data in a picture's bytes; `None` where there are none that can be read.
+/// The EXIF data in a picture's bytes, as far as they can be read: programs that edit them leave broken tables behind. `None` where
+/// there are none.
 pub(crate) fn read(bytes: &[u8]) -> Option<Exif> {
     exif::Reader::new()
+        .continue_on_error(true)
         .read_from_container(&mut Cursor::new(bytes))
+        .or_else(|error| error.distill_partial_result(|_| {}))
         .ok()
 }
 
