@@ -12,6 +12,8 @@ const DOUBTFUL_IOU: f64 = 0.82;
 const UNLIKELY_STYLE: f64 = 1.7;
 /// A focal length may differ from what was known of it by so many of its standard deviations: right results differ by less than one.
 const LIKELY_FOCAL: f64 = 3.5;
+/// No focal length is known better than this, whatever few features say.
+const KNOWN_FOCAL: f64 = 0.02;
 /// A frame whose IoU is so much lower than the median one stands alone: its mask or its pose is wrong.
 const LOWER_IOU: f64 = 0.12;
 
@@ -45,7 +47,8 @@ pub fn doubts(frames: &[FrameResult], style: &[f64], focal_factor: f64, focal_de
             "the shape is unlike any that the prior knows ({length:.1} times the usual distance from the mean): check --prior and the masks"
         ));
     }
-    let focal_is_likely = focal_factor.ln().abs() <= LIKELY_FOCAL * focal_deviation.max(1e-3);
+    let focal_deviation = focal_deviation.max(KNOWN_FOCAL);
+    let focal_is_likely = focal_factor.ln().abs() <= LIKELY_FOCAL * focal_deviation;
     if !focal_is_likely {
         words.push(format!(
             "the shape asks for {focal_factor:.2} times the focal length, which was known to {:.0} %: the shape, the masks or the poses \
