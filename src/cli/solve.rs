@@ -143,17 +143,21 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let starts = starts(&sequence, &learned, &style, target, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
-    let watch = progress::Watch::start()?;
-    let mut solution = solver::solve(
-        &Footage::new(&sequence, config.solver.levels)?,
-        &prior,
-        target,
-        &starts,
-        &config.objective,
-        &config.solver,
-        &|row| watch.see(row),
-    )?;
-    watch.finish();
+    let solve = |sequence: &Sequence, starts: &[Initialisation]| -> anyhow::Result<Solution> {
+        let watch = progress::Watch::start()?;
+        let solution = solver::solve(
+            &Footage::new(sequence, config.solver.levels)?,
+            &prior,
+            target,
+            starts,
+            &config.objective,
+            &config.solver,
+            &|row| watch.see(row),
+        )?;
+        watch.finish();
+        Ok(solution)
+    };
+    let mut solution = solve(&sequence, &starts)?;
     #[cfg_attr(not(feature = "vision"), expect(unused_mut))]
     let mut masks_anew: Vec<String> = Vec::new();
     #[cfg(feature = "vision")]
@@ -176,18 +180,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 &config.init,
             )?;
             start.estimate.focal_factor = found.focal_factor;
-            let watch = progress::Watch::start()?;
-            let again = solver::solve(
-                &Footage::new(&mended, config.solver.levels)?,
-                &prior,
-                target,
-                &[start],
-                &config.objective,
-                &config.solver,
-                &|row| watch.see(row),
-            )?;
-            watch.finish();
-            solution = again.after(solution);
+            solution = solve(&mended, &[start])?.after(solution);
             sequence = mended;
             masks_anew = names;
         }
