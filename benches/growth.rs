@@ -59,7 +59,7 @@ fn main() {
 
 fn measured(points: usize, frames: usize, styles: usize) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sequences/car");
-    let mut sequence = sequence::load(&folder, &LoadOptions::default()).expect("the bundled sequence");
+    let sequence = sequence::load(&folder, &LoadOptions::default()).expect("the bundled sequence");
     let car = prior::find("car").expect("the bundled prior");
     let target = sequence.frames.len() / 2;
     let starts = initialise(
@@ -76,11 +76,14 @@ fn measured(points: usize, frames: usize, styles: usize) -> String {
         style: vec![0.0; styles],
         ..found.clone()
     };
-    sequence.frames = cycled(&sequence.frames, frames);
-    for (i, frame) in sequence.frames.iter_mut().enumerate() {
-        frame.name = i.to_string();
-    }
-    sequence.truth = None;
+    let grown = sequence.edited(|content| {
+        content.frames = cycled(&content.frames, frames);
+        for (i, frame) in content.frames.iter_mut().enumerate() {
+            frame.name = i.to_string();
+        }
+        content.truth = None;
+    });
+    let sequence = grown.expect("frames");
     let target = target.min(frames - 1);
     let prior = with_styles(&car, styles);
     drop(car);

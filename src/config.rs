@@ -119,8 +119,8 @@ pub struct TargetError {
 /// Why a configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    #[error("{}: cannot read the configuration: {source}", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: cannot read the configuration: {problem}", path.display())]
+    Read { path: PathBuf, problem: std::io::Error },
     #[error("{}: {message}", path.display())]
     Parse { path: PathBuf, message: String },
     /// A key from the command line, `given` as it stands there.
@@ -212,9 +212,9 @@ impl Config {
 }
 
 fn read(path: &Path) -> Result<Table, ConfigError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+    let text = crate::files::read_text(path).map_err(|problem| ConfigError::Read {
         path: path.to_owned(),
-        source,
+        problem,
     })?;
     text.parse().map_err(|error: toml::de::Error| ConfigError::Parse {
         path: path.to_owned(),

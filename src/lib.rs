@@ -18,8 +18,10 @@ pub mod config;
 pub mod eval;
 pub(crate) mod files;
 pub mod geometry;
+mod guard;
 pub mod image;
 pub mod init;
+pub(crate) mod memory;
 pub mod objective;
 #[cfg(feature = "vision")]
 pub mod prepare;
@@ -33,3 +35,5 @@ pub mod study;
 #[cfg(feature = "training")]
 pub mod training;
 pub mod visibility;
+
+pub use guard::quiet_guarded_panics;

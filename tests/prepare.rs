@@ -4,6 +4,11 @@
 
 use assert_cmd::Command;
 use image::codecs::jpeg::JpegEncoder;
+use spba_ceres::geometry::Vector3;
+use spba_ceres::image::{Grid, Mask};
+use spba_ceres::init::Estimate;
+use spba_ceres::prepare::{MaskOptions, masks_by_shape};
+use spba_ceres::report::{Surface, silhouette_iou};
 use spba_ceres::sequence::{self, LoadOptions, Sequence};
 use std::path::{Path, PathBuf};
 
@@ -164,6 +169,47 @@ fn a_focal_length_that_is_wrong_by_a_fifth_is_doubted() {
         assert!(said.contains("10 of 10 frames placed"), "{said}");
         assert_eq!(said.contains("IN DOUBT"), doubted, "{said}");
     }
+}
+
+#[test]
+fn a_solved_shape_mends_masks_that_it_does_not_explain() {
+    let truth = load(&bundled());
+    let known = truth.truth.clone().unwrap();
+    let points = known
+        .shape
+        .iter()
+        .map(|point| Vector3::from(point.map(f64::from)));
+    let surface = Surface::from_points(points.collect());
+    let (depth, known_depth) = (truth.frames[0].depth.as_ref().unwrap(), &known.depth[0]);
+    let pairs = depth.data().iter().zip(known_depth.data());
+    let (off_the_shelf, right) = pairs
+        .filter(|(z, right)| **z > 0.0 && **right > 0.0)
+        .fold((0.0, 0.0), |sums, (z, right)| {
+            (sums.0 + f64::from(*z), sums.1 + f64::from(*right))
+        });
+    let estimate = Estimate {
+        camera_from_object: known.camera_from_object,
+        style: vec![],
+        alpha: right / off_the_shelf,
+        focal_factor: 1.0,
+    };
+    let whole: Vec<Mask> = truth.frames.iter().map(|frame| frame.mask.clone()).collect();
+    // In one frame the mask goes down to the border, over all of the car's width.
+    let leaked = truth
+        .edited(|content| {
+            let mask = &mut content.frames[2].mask;
+            let [left, top, right, _] = mask.bounds().unwrap();
+            *mask = Grid::from_fn(mask.width(), mask.height(), |column, row| {
+                mask[(column, row)] || (left..right).contains(&column) && row > top
+            });
+        })
+        .unwrap();
+    let mended = masks_by_shape(&leaked, &surface, &estimate, &MaskOptions::default(), &|_| true).unwrap();
+    let anew: Vec<usize> = (0..mended.len()).filter(|&k| mended[k].is_some()).collect();
+    assert_eq!(anew, [2]);
+    let before = silhouette_iou(&leaked.frames[2].mask, &whole[2]);
+    let after = silhouette_iou(mended[2].as_ref().unwrap(), &whole[2]);
+    assert!(before < 0.75 && after > 0.95, "{before} -> {after}");
 }
 
 #[test]

@@ -115,8 +115,8 @@ fn what_cannot_be_reproduced_is_one_clear_error() {
     let missing = path("missing");
     assert!(refused(&["table1", "--quick", "--natural", &missing]).contains("missing"));
     // A sequence without truth: what `import` makes without --truth.
-    let mut sequence = spba_ceres::sequence::load(bundled, &Default::default()).unwrap();
-    sequence.truth = None;
+    let sequence = spba_ceres::sequence::load(bundled, &Default::default()).unwrap();
+    let sequence = sequence.edited(|content| content.truth = None).unwrap();
     let plain = home.path().join("plain");
     spba_ceres::sequence::write(&sequence, &plain).unwrap();
     for option in ["--real-input", "--openmvs-input"] {

@@ -14,12 +14,18 @@ struct Picture;
 
 class Video {
  public:
-  explicit Video(cv::VideoCapture capture) : capture_(std::move(capture)) {}
-  // False at the end, or where no further frame can be decoded. The picture is RGB.
+  explicit Video(cv::VideoCapture capture);
+  // False at the end, or where no further frame can be decoded. RGB, upright, of square pixels.
   bool next(Picture& picture);
+  // How many frames the file announces, perhaps by its duration; not positive where it does not say.
+  double announced() const { return capture_.get(cv::CAP_PROP_FRAME_COUNT); }
 
  private:
   cv::VideoCapture capture_;
+  // By which players turn the pixels before they show them; 0, 90, 180 or 270.
+  int clockwise_deg_ = 0;
+  // Width over height of a pixel.
+  double pixel_aspect_ = 1.0;
 };
 
 // Null where the file is no video that OpenCV can decode.

@@ -64,7 +64,9 @@ pub mod ffi {
         type Video;
         /// Null where the file is no video that OpenCV can decode.
         fn open_video(path: &str) -> Result<UniquePtr<Video>>;
-        /// The next frame, in RGB; false at the end, or where no further one can be decoded.
+        /// How many frames the file announces; not positive where it does not say.
+        fn announced(self: &Video) -> f64;
+        /// The next frame, in RGB, turned as players turn it, of square pixels; false at the end, or where no further one can be decoded.
         fn next(self: Pin<&mut Video>, picture: &mut Picture) -> Result<bool>;
         /// The variance of a picture's Laplacian.
         fn sharpness(picture: &Picture) -> Result<f64>;

@@ -34,6 +34,8 @@ pub enum CadError {
     },
     #[error("blender: {0}")]
     Blender(String),
+    #[error(transparent)]
+    Sequence(#[from] crate::sequence::SequenceError),
 }
 
 impl CadError {

@@ -2,20 +2,31 @@
 
 use super::archive::Archive;
 use super::{CadError, Material, Mesh, Texture, Triangle, texture};
+use crate::guard::guarded;
 use gltf::image::Format;
 use nalgebra::{Matrix4, Point3};
 use std::path::Path;
 use std::sync::Arc;
 
+/// Far more than any model has; a node may be a child of many, and so a small file stand for a large one.
+const MOST_NODES: usize = 100_000;
+const MOST_CORNERS: usize = 100_000_000;
+
 /// Reads the member `name` of `archive`. Vertices stay in the file's frame.
 pub(super) fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> {
     let path = archive.path_of(name);
     let bytes = archive.read(name)?;
+    // The library takes the file's own counts for granted.
+    guarded(|| decode(&bytes, &path))
+        .unwrap_or_else(|problem| Err(CadError::malformed(&path, "GLB", problem)))
+}
+
+fn decode(bytes: &[u8], path: &Path) -> Result<Mesh, CadError> {
     let (document, buffers, images) =
-        gltf::import_slice(&bytes).map_err(|error| CadError::malformed(&path, "GLB", error))?;
+        gltf::import_slice(bytes).map_err(|error| CadError::malformed(path, "GLB", error))?;
     let textures: Vec<Arc<Texture>> = images
         .into_iter()
-        .map(|image| decode(image, &path).map(Arc::new))
+        .map(|image| texture_of(image, path).map(Arc::new))
         .collect::<Result<_, _>>()?;
 
     let mut mesh = Mesh {
@@ -32,15 +43,24 @@ pub(super) fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> 
         texture: None,
     });
     let scene = document.default_scene().or_else(|| document.scenes().next());
-    let nodes = scene.ok_or_else(|| CadError::malformed(&path, "scenes", "none; export a scene"))?;
+    let nodes = scene.ok_or_else(|| CadError::malformed(path, "scenes", "none; export a scene"))?;
     // The library refuses node graphs with cycles, so this ends.
     let mut pending: Vec<_> = nodes.nodes().map(|node| (node, Matrix4::identity())).collect();
     pending.reverse();
+    let mut visited = 0;
     while let Some((node, file_from_parent)) = pending.pop() {
+        visited += 1;
+        if visited > MOST_NODES || mesh.vertices.len().max(3 * mesh.triangles.len()) > MOST_CORNERS {
+            return Err(CadError::malformed(
+                path,
+                "scenes",
+                "too large; export fewer instances",
+            ));
+        }
         let local = Matrix4::from(node.transform().matrix()).cast::<f64>();
         let file_from_node = file_from_parent * local;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
-            append(&mut mesh, &primitive, &buffers, &file_from_node, &path)?;
+            append(&mut mesh, &primitive, &buffers, &file_from_node, path)?;
         }
         pending.extend(node.children().map(|child| (child, file_from_node)));
     }
@@ -56,9 +76,9 @@ fn append(
 ) -> Result<(), CadError> {
     use gltf::mesh::Mode;
     let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| data.0.as_slice()));
-    let Some(positions) = reader.read_positions() else {
-        return Ok(());
-    };
+    let positions = reader.read_positions().ok_or_else(|| {
+        CadError::malformed(path, "POSITION", "none, or outside its buffer; export it again")
+    })?;
     let base = mesh.vertices.len();
     mesh.vertices.extend(positions.map(|p| {
         file_from_node
@@ -123,7 +143,7 @@ fn srgb_from_linear(value: f32) -> f32 {
     }
 }
 
-fn decode(image: gltf::image::Data, path: &Path) -> Result<Texture, CadError> {
+fn texture_of(image: gltf::image::Data, path: &Path) -> Result<Texture, CadError> {
     let channels = match image.format {
         Format::R8 => 1,
         Format::R8G8 => 2,

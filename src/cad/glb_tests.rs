@@ -60,6 +60,24 @@ fn nodes_place_their_meshes() {
 }
 
 #[test]
+fn counts_beyond_the_buffer_are_errors() {
+    let edited = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let bytes = glb([0, 1, 2]);
+        let at = bytes
+            .windows(from.len())
+            .position(|window| window == from.as_bytes())
+            .unwrap();
+        let message = parse(&[&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat())
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("a.glb: "), "{message}");
+    };
+    edited(r#""count":3,"type":"VEC3""#, r#""count":9,"type":"VEC3""#);
+    edited(r#""count":3,"type":"VEC3""#, r#""count":0,"type":"VEC3""#);
+}
+
+#[test]
 fn indices_out_of_range_and_truncation_are_errors() {
     assert!(parse(&glb([0, 1, 7])).is_err());
     let bytes = glb([0, 1, 2]);

@@ -2,7 +2,30 @@
 
 use super::CadError;
 use std::path::Path;
-use std::str::FromStr;
+
+/// What files hold numbers of.
+pub(super) trait Number: Sized {
+    /// The number in a word; `None` where there is none, or one that is not finite.
+    fn finite(word: &str) -> Option<Self>;
+}
+
+impl Number for f32 {
+    fn finite(word: &str) -> Option<Self> {
+        word.parse().ok().filter(|value: &Self| value.is_finite())
+    }
+}
+
+impl Number for f64 {
+    fn finite(word: &str) -> Option<Self> {
+        word.parse().ok().filter(|value: &Self| value.is_finite())
+    }
+}
+
+impl Number for usize {
+    fn finite(word: &str) -> Option<Self> {
+        word.parse().ok()
+    }
+}
 
 pub(super) struct Lines<'a> {
     bytes: &'a [u8],
@@ -14,7 +37,8 @@ pub(super) struct Lines<'a> {
 impl<'a> Lines<'a> {
     pub(super) fn new(bytes: &'a [u8], path: &'a Path) -> Self {
         Self {
-            bytes,
+            // Some editors begin with a byte-order mark.
+            bytes: bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes),
             at: 0,
             number: 0,
             path,
@@ -43,16 +67,16 @@ impl<'a> Lines<'a> {
         Ok(())
     }
 
-    /// The first `count` words as numbers.
-    pub(super) fn numbers<T: FromStr>(
+    /// The first `count` words as numbers, all of them finite.
+    pub(super) fn numbers<T: Number>(
         &self,
         words: &[impl AsRef<str>],
         count: usize,
     ) -> Result<Vec<T>, CadError> {
         words
             .get(..count)
-            .and_then(|words| words.iter().map(|w| w.as_ref().parse().ok()).collect())
-            .ok_or_else(|| self.error(format!("expected {count} numbers")))
+            .and_then(|words| words.iter().map(|w| T::finite(w.as_ref())).collect())
+            .ok_or_else(|| self.error(format!("expected {count} finite numbers")))
     }
 
     /// An error at the line that was read last.

@@ -3,12 +3,15 @@
 use super::sample_outside;
 use crate::image::RgbImage;
 use nalgebra::Vector3;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Draws for the box of the body.
 const BODY_SAMPLES: usize = 20_000;
 /// The share of the outside beyond each face of that box.
 pub(crate) const BODY_BEYOND: f64 = 0.01;
+/// A vertex so many times farther from the middle than the others is none of the object's.
+const OUT_OF_PROPORTION: f64 = 1e3;
 
 /// A texture image; its alpha, where it has one, in \[0, 1\], row-major like the image.
 #[derive(Clone, Debug)]
@@ -44,6 +47,47 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Whether its shape can be told: every vertex in use finite, and none so far off that the others shrink to a point.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let used: BTreeSet<u32> = self.triangles.iter().flat_map(|t| t.vertices).collect();
+        let position = |index: u32| self.vertices.get(index as usize);
+        if let Some(index) = used
+            .iter()
+            .find(|&&index| position(index).is_none_or(|v| !v.iter().all(|x| x.is_finite())))
+        {
+            return Err(format!("vertex {} is not finite", index + 1));
+        }
+        let middle = |values: &mut Vec<f64>| {
+            let half = values.len() / 2;
+            *values.select_nth_unstable_by(half, f64::total_cmp).1
+        };
+        if used.is_empty() {
+            return Ok(());
+        }
+        let along = |axis: usize| -> Vec<f64> {
+            used.iter()
+                .filter_map(|&index| Some(position(index)?[axis]))
+                .collect()
+        };
+        let centre = Vector3::from_fn(|axis, _| middle(&mut along(axis)));
+        let away = |index: u32| position(index).map_or(0.0, |vertex| (vertex - centre).norm());
+        let usual = middle(&mut used.iter().map(|&index| away(index)).collect());
+        match used
+            .iter()
+            .find(|&&index| away(index) > OUT_OF_PROPORTION * usual)
+        {
+            Some(&index) if usual > 0.0 => Err(format!(
+                "vertex {} is {:.0e} times farther away than the others",
+                index + 1,
+                away(index) / usual
+            )),
+            _ => Ok(()),
+        }
+    }
+
     /// Moves and scales the mesh so that the box of its body is centred at the origin with diagonal 1: the
     /// canonical object frame, provided the axes are already +Y up and −Z front.
     ///
@@ -111,6 +155,29 @@ pub(crate) fn body_box(outside: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vector
 mod tests {
     use super::super::synthetic::cuboid;
     use super::*;
+
+    #[test]
+    fn vertices_that_are_nowhere_or_far_out_are_told() {
+        let mut body = cuboid(Vector3::new(3.0, 4.0, 5.0), Vector3::new(4.0, 2.0, 8.0));
+        assert_eq!(body.check(), Ok(()));
+        // What no triangle uses does not count.
+        body.vertices.push(Vector3::repeat(f64::NAN));
+        assert_eq!(body.check(), Ok(()));
+        let first = body.triangles[0].vertices[0];
+        for (at, words) in [
+            (f64::NAN, "not finite"),
+            (f64::INFINITY, "not finite"),
+            (1e30, "times farther away"),
+        ] {
+            let mut body = body.clone();
+            body.vertices[first as usize].x = at;
+            let problem = body.check().unwrap_err();
+            assert!(
+                problem.contains(words) && problem.contains(&format!("vertex {} ", first + 1)),
+                "{problem}"
+            );
+        }
+    }
 
     #[test]
     fn the_canonical_frame_is_the_body_s() {

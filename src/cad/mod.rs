@@ -36,4 +36,6 @@ pub use mesh::{Material, Mesh, Texture, Triangle};
 pub use orbit::orbit;
 pub use outside::{OutsideSample, mirror, sample_outside, sample_shell};
 pub use plain::load;
+#[cfg(fuzzing)]
+pub use sources::fuzz;
 pub use sources::{NamedModel, SourceKind, SourceSpec, load_source, matches};

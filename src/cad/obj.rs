@@ -1,46 +1,53 @@
-//! Wavefront OBJ with MTL, through `tobj`.
+//! Wavefront OBJ with MTL: `v`, `vt`, `f`, `usemtl`, `mtllib`; `newmtl`, `Kd`, `d`, `map_Kd`. All else is passed over.
 
 use super::archive::{Archive, beside};
+use super::lines::Lines;
 use super::{CadError, Material, Mesh, Triangle};
 use nalgebra::Vector3;
-use std::cell::RefCell;
-use std::io::Cursor;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+const GREY: [f32; 3] = [0.8; 3];
 
 /// Reads the member `name` of `archive`; materials and textures are looked for beside it.
 pub(super) fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> {
     let path = archive.path_of(name);
-    let text = utf8(archive.read(name)?);
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..Default::default()
+    let bytes = utf8(archive.read(name)?);
+    let mut reader = Reader {
+        lines: Lines::new(&bytes, &path),
+        positions: Vec::new(),
+        texture_coordinates: Vec::new(),
+        faces: Vec::new(),
+        material: None,
+        libraries: Vec::new(),
     };
-    let shared = RefCell::new(archive);
-    let (models, materials) = tobj::load_obj_buf(&mut Cursor::new(text), &options, |library| {
-        let member = beside(name, &library.to_string_lossy());
-        let bytes = shared
-            .borrow_mut()
-            .read(&member)
-            .map_err(|_| tobj::LoadError::OpenFileFailed)?;
-        tobj::load_mtl_buf(&mut Cursor::new(utf8(bytes)))
-    })
-    .map_err(|error| CadError::malformed(&path, "OBJ", error))?;
-    let archive = shared.into_inner();
-    let materials = materials.unwrap_or_else(|error| {
-        tracing::warn!(
-            "{}: its materials cannot be read ({error}); shown grey",
-            path.display()
-        );
-        Vec::new()
-    });
+    reader.file()?;
+    let Reader {
+        positions,
+        texture_coordinates,
+        faces,
+        libraries,
+        ..
+    } = reader;
 
-    let mut mesh = Mesh::default();
+    let mut materials = Vec::new();
+    for library in libraries {
+        match read_library(archive, &beside(name, &library)) {
+            Ok(read) => materials.extend(read),
+            // Exporters leave them behind; a shape needs none.
+            Err(error) => tracing::warn!("{error}; the materials of {} are shown grey", path.display()),
+        }
+    }
+    let mut mesh = Mesh {
+        vertices: positions,
+        ..Mesh::default()
+    };
     for material in &materials {
         mesh.materials.push(Material {
-            diffuse: material.diffuse.unwrap_or([0.8; 3]),
-            opacity: material.dissolve.unwrap_or(1.0),
-            texture: match &material.diffuse_texture {
+            diffuse: material.diffuse.unwrap_or(GREY),
+            opacity: material.opacity.unwrap_or(1.0),
+            texture: match &material.texture {
                 Some(file) => archive.texture(&beside(name, file_of(file)))?,
                 None => None,
             },
@@ -49,37 +56,164 @@ pub(super) fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> 
     // A face may name a material that the library lacks (renamed by its exporter); where there is one, that is meant.
     let default_material = if materials.len() == 1 { 0 } else { materials.len() };
     mesh.materials.push(Material {
-        diffuse: [0.8; 3],
+        diffuse: GREY,
         opacity: 1.0,
         texture: None,
     });
-    for model in models {
-        append(&mut mesh, &model.mesh, default_material);
+    let coordinates = |corner: Corner| {
+        corner
+            .texture
+            .map_or([0.0; 2], |index| texture_coordinates[index])
+    };
+    let numbers: BTreeMap<&str, usize> = materials.iter().map(|m| m.name.as_str()).zip(0..).collect();
+    for face in faces {
+        let named = face.material.and_then(|name| numbers.get(&*name).copied());
+        mesh.triangles.push(Triangle {
+            vertices: face.corners.map(|corner| corner.vertex as u32),
+            texture_coordinates: face.corners.map(coordinates),
+            material: named.unwrap_or(default_material) as u32,
+        });
     }
     Ok(mesh)
 }
 
-fn append(mesh: &mut Mesh, part: &tobj::Mesh, default_material: usize) {
-    let base = mesh.vertices.len() as u32;
-    mesh.vertices.extend(
-        part.positions
-            .chunks_exact(3)
-            .map(|p| Vector3::new(p[0], p[1], p[2]).map(f64::from)),
-    );
-    let material = part.material_id.unwrap_or(default_material);
-    for (i, corners) in part.indices.chunks_exact(3).enumerate() {
-        let uv = |corner: usize| {
-            part.texcoord_indices
-                .get(3 * i + corner)
-                .and_then(|&t| part.texcoords.get(2 * t as usize..2 * t as usize + 2))
-                .map_or([0.0; 2], |uv| [uv[0], uv[1]])
-        };
-        mesh.triangles.push(Triangle {
-            vertices: [corners[0], corners[1], corners[2]].map(|i| base + i),
-            texture_coordinates: [uv(0), uv(1), uv(2)],
-            material: material as u32,
-        });
+/// Indices into what was read so far.
+#[derive(Clone, Copy)]
+struct Corner {
+    vertex: usize,
+    texture: Option<usize>,
+}
+
+/// A triangle, and the material that was in use.
+struct Face {
+    corners: [Corner; 3],
+    material: Option<Arc<str>>,
+}
+
+struct Reader<'a> {
+    lines: Lines<'a>,
+    positions: Vec<Vector3<f64>>,
+    texture_coordinates: Vec<[f32; 2]>,
+    faces: Vec<Face>,
+    material: Option<Arc<str>>,
+    libraries: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn file(&mut self) -> Result<(), CadError> {
+        while let Some(mut line) = self.lines.next() {
+            while line.ends_with('\\') {
+                line.pop();
+                line += &self.lines.next().unwrap_or_default();
+            }
+            let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
+            let words: Vec<&str> = rest.split_whitespace().collect();
+            match keyword {
+                "v" => {
+                    // As exact as most readers have them, so that a model is the same to all.
+                    let position: Vec<f32> = self.lines.numbers(&words, 3)?;
+                    self.positions
+                        .push(Vector3::new(position[0], position[1], position[2]).map(f64::from));
+                }
+                "vt" => {
+                    let both: Vec<f32> = self.lines.numbers(&words, words.len().clamp(1, 2))?;
+                    self.texture_coordinates
+                        .push([both[0], both.get(1).copied().unwrap_or(0.0)]);
+                }
+                "f" => self.face(&words)?,
+                "usemtl" => self.material = Some(rest.trim().into()),
+                "mtllib" => self.libraries.push(rest.trim().to_owned()),
+                _ => {}
+            }
+        }
+        Ok(())
     }
+
+    /// A polygon as a fan; points and lines are none.
+    fn face(&mut self, words: &[&str]) -> Result<(), CadError> {
+        let corners: Vec<Corner> = words
+            .iter()
+            .map(|word| self.corner(word))
+            .collect::<Result<_, _>>()?;
+        for i in 2..corners.len() {
+            self.faces.push(Face {
+                corners: [corners[0], corners[i - 1], corners[i]],
+                material: self.material.clone(),
+            });
+        }
+        Ok(())
+    }
+
+    /// `vertex`, `vertex/texture`, `vertex/texture/normal` or `vertex//normal`.
+    fn corner(&self, word: &str) -> Result<Corner, CadError> {
+        let mut parts = word.split('/');
+        let vertex = self.index(parts.next().unwrap_or_default(), self.positions.len(), "vertex")?;
+        let texture = match parts.next() {
+            None | Some("") => None,
+            Some(part) => Some(self.index(part, self.texture_coordinates.len(), "texture coordinate")?),
+        };
+        Ok(Corner { vertex, texture })
+    }
+
+    /// From 1, or from −1 backwards.
+    fn index(&self, word: &str, count: usize, what: &str) -> Result<usize, CadError> {
+        let number: Option<i64> = word.parse().ok();
+        let index = match number {
+            None | Some(0) => None,
+            Some(number) if number > 0 => usize::try_from(number - 1).ok(),
+            Some(number) => usize::try_from(number.unsigned_abs())
+                .ok()
+                .and_then(|back| count.checked_sub(back)),
+        };
+        index
+            .filter(|&index| index < count)
+            .ok_or_else(|| self.lines.error(format!("{what} '{word}' of {count}")))
+    }
+}
+
+/// What an MTL says of a material.
+struct LibraryMaterial {
+    name: String,
+    diffuse: Option<[f32; 3]>,
+    opacity: Option<f32>,
+    texture: Option<String>,
+}
+
+fn read_library(archive: &mut Archive, name: &str) -> Result<Vec<LibraryMaterial>, CadError> {
+    let path = archive.path_of(name);
+    parse_library(&utf8(archive.read(name)?), &path)
+}
+
+fn parse_library(bytes: &[u8], path: &Path) -> Result<Vec<LibraryMaterial>, CadError> {
+    let mut lines = Lines::new(bytes, path);
+    let mut materials: Vec<LibraryMaterial> = Vec::new();
+    while let Some(line) = lines.next() {
+        let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
+        let (rest, words) = (rest.trim(), rest.split_whitespace().collect::<Vec<_>>());
+        if keyword == "newmtl" {
+            materials.push(LibraryMaterial {
+                name: rest.to_owned(),
+                diffuse: None,
+                opacity: None,
+                texture: None,
+            });
+        }
+        let Some(material) = materials.last_mut() else {
+            continue;
+        };
+        match keyword {
+            "Kd" => {
+                // Green and blue may be left out, and are then as red.
+                let given: Vec<f32> = lines.numbers(&words, words.len().clamp(1, 3))?;
+                let channel = |at: usize| given.get(at).unwrap_or(&given[0]).clamp(0.0, 1.0);
+                material.diffuse = Some([channel(0), channel(1), channel(2)]);
+            }
+            "d" => material.opacity = Some(lines.numbers::<f32>(&words, 1)?[0].clamp(0.0, 1.0)),
+            "map_Kd" => material.texture = Some(rest.to_owned()),
+            _ => {}
+        }
+    }
+    Ok(materials)
 }
 
 /// The file in `map_Kd [-option value …] file`.
@@ -91,7 +225,7 @@ fn file_of(statement: &str) -> &str {
     }
 }
 
-/// Old exporters write Latin-1 in comments and names, which `tobj` refuses.
+/// Old exporters write Latin-1 in comments and names.
 fn utf8(bytes: Vec<u8>) -> Vec<u8> {
     match String::from_utf8(bytes) {
         Ok(text) => text.into_bytes(),
@@ -154,7 +288,54 @@ mod tests {
     }
 
     #[test]
-    fn a_face_without_its_vertex_is_an_error() {
-        assert!(parse("v 0 0 0\nf 1 2 3\n", b"").is_err());
+    fn colours_may_be_grey_or_nonsense() {
+        let obj = format!("{SQUARE}usemtl a\nf 1 2 3\n");
+        for (kd, expected) in [
+            ("Kd 0", [0.0; 3]),
+            ("Kd 0.5", [0.5; 3]),
+            ("Kd 255 0 0", [1.0, 0.0, 0.0]),
+            // A warning tells of these.
+            ("Kd", GREY),
+            ("Kd nan 0 0", GREY),
+            ("Kd spectral file.rfl 1", GREY),
+        ] {
+            let mesh = parse(&obj, format!("newmtl a\n{kd}\n").as_bytes()).unwrap();
+            assert_eq!(
+                mesh.materials[mesh.triangles[0].material as usize].diffuse, expected,
+                "{kd}"
+            );
+        }
+        let problem = parse_library(b"newmtl a\n\nKd x\n", Path::new("a.mtl"))
+            .err()
+            .unwrap();
+        assert_eq!(problem.to_string(), "a.mtl: line 3: expected 1 finite numbers");
+    }
+
+    #[test]
+    fn what_cannot_be_is_named_with_its_line() {
+        for (obj, words) in [
+            ("v 0 0 0\nf 1 2 3\n", "line 2: vertex '2' of 1"),
+            ("v 0 0 0\nf 0 0 0\n", "line 2: vertex '0' of 1"),
+            ("v 0 0 0\nf -2 -1 -1\n", "line 2: vertex '-2' of 1"),
+            ("v 0 0 0\nf 1/1 1/1 1/1\n", "line 2: texture coordinate '1' of 0"),
+            ("v 0 0 0\nv nan nan nan\n", "line 2: expected 3 finite numbers"),
+            ("v 0 0\n", "line 1: expected 3 finite numbers"),
+            ("v 0 0 1e40\n", "line 1: expected 3 finite numbers"),
+        ] {
+            let message = parse(obj, b"").unwrap_err().to_string();
+            assert!(
+                message.contains("a.obj: ") && message.contains(words),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn marks_continued_lines_and_backward_indices_are_read() {
+        let obj = "\u{feff}v 0 0 0\nv 1 0 0\r\nv 0 \\\n1 0\nl 1 2\nf -3//1 -2//1 -1//1\n";
+        let mesh = parse(obj, b"").unwrap();
+        assert_eq!(mesh.vertices[2], Vector3::new(0.0, 1.0, 0.0));
+        assert_eq!(mesh.triangles.len(), 1);
+        assert_eq!(mesh.triangles[0].vertices, [0, 1, 2]);
     }
 }

@@ -1,11 +1,15 @@
 //! Files of one kind of axes under one folder or zip: plain folders, and the vehicles of two traffic simulators.
 
-use super::archive::{Archive, stem};
+use super::archive::{Archive, distinct_names};
 use super::sources::{Library, NamedModel};
 use super::{Axes, CadError, Mesh, ac3d, glb, obj};
 use std::path::Path;
 
 const EXTENSIONS: [&str; 4] = [".obj", ".glb", ".ac", ".acc"];
+/// Of what other tools write.
+const OTHERS: [&str; 11] = [
+    ".gltf", ".fbx", ".stl", ".ply", ".off", ".dae", ".3ds", ".blend", ".usdz", ".usd", ".x3d",
+];
 
 pub(super) struct Plain {
     archive: Archive,
@@ -26,7 +30,23 @@ impl Plain {
     ) -> Result<Self, CadError> {
         let archive = Archive::open(path)?;
         let mut files = archive.names()?;
-        files.retain(|name| is_model(name) && name.starts_with(folder));
+        files.retain(|name| name.starts_with(folder));
+        let others = files.iter().filter(|name| has_ending(name, &OTHERS)).count();
+        if others > 0 {
+            tracing::warn!(
+                "{}: {others} models are left out, as their formats ({}) are not read: convert them to OBJ or GLB",
+                path.display(),
+                OTHERS.join(", ")
+            );
+        }
+        files.retain(|name| has_ending(name, &EXTENSIONS));
+        let names = distinct_names(&files);
+        if let Some((name, _)) = names.iter().zip(&files).find(|(name, file)| name == file) {
+            tracing::warn!(
+                "{}: {name} lies beside a file that differs in its extension alone; both are taken, exclude one if they are one model",
+                path.display()
+            );
+        }
         Ok(Self {
             archive,
             files,
@@ -39,20 +59,14 @@ impl Plain {
 
 impl Library for Plain {
     fn names(&self) -> Vec<String> {
-        self.files.iter().map(|file| stem(file).to_owned()).collect()
+        distinct_names(&self.files)
     }
 
-    fn load(&mut self, name: &str) -> Result<NamedModel, CadError> {
-        let missing = || CadError::malformed(&self.archive.path_of(""), name, "no such model");
-        let file = self
-            .files
-            .iter()
-            .find(|file| stem(file) == name)
-            .ok_or_else(missing)?;
-        let mut mesh = read(&mut self.archive, file)?;
+    fn load(&mut self, index: usize) -> Result<NamedModel, CadError> {
+        let mut mesh = read(&mut self.archive, &self.files[index])?;
         mesh.turn(self.axes);
         Ok(NamedModel {
-            name: name.to_owned(),
+            name: self.names().swap_remove(index),
             source: self.source.clone(),
             licence: self.licence.clone(),
             mesh,
@@ -92,7 +106,7 @@ fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> {
     }
 }
 
-fn is_model(name: &str) -> bool {
+fn has_ending(name: &str, endings: &[&str]) -> bool {
     let name = name.to_ascii_lowercase();
-    EXTENSIONS.iter().any(|extension| name.ends_with(extension))
+    endings.iter().any(|ending| name.ends_with(ending))
 }

@@ -8,6 +8,8 @@ use super::{Texture, texture};
 
 pub(super) const MAGIC: [u8; 2] = [0x01, 0xda];
 const HEADER: usize = 512;
+/// No livery needs more.
+const MOST_BYTES: usize = 1 << 28;
 
 /// The image, or what is wrong with it.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texture, String> {
@@ -22,6 +24,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Texture, String> {
         return Err(format!(
             "{width} x {height}, {channels} channels of {depth} bytes, storage {storage}: convert it to PNG"
         ));
+    }
+    // Coded rows may be shared, so a small file could ask for more memory than there is.
+    if channels * width * height > MOST_BYTES {
+        return Err(format!("{width} x {height} pixels are too many: make it smaller"));
     }
     let mut planes = Vec::with_capacity(channels * height * width);
     for line in 0..channels * height {

@@ -84,11 +84,11 @@ pub enum SourceKind {
 
 /// A package opened: its models by name.
 pub(super) trait Library {
-    /// In the order in which they are to be loaded.
+    /// In the order in which they are to be loaded, each once.
     fn names(&self) -> Vec<String>;
 
-    /// The model in the canonical axes, not yet normalised.
-    fn load(&mut self, name: &str) -> Result<NamedModel, CadError>;
+    /// The model of that place among the names, in the canonical axes, not yet normalised.
+    fn load(&mut self, index: usize) -> Result<NamedModel, CadError>;
 }
 
 /// Loads the models of a source that `include` and `exclude` leave, normalised, sorted by name within each library.
@@ -113,14 +113,17 @@ pub fn load_source(source: &SourceSpec) -> Result<Vec<NamedModel>, CadError> {
     }
     let mut models = Vec::new();
     for (library, names) in libraries.iter_mut().zip(&names) {
-        for name in names.iter().filter(|name| source.selects(name)) {
-            let mut model = library.load(name)?;
+        for (index, name) in names.iter().enumerate().filter(|(_, name)| source.selects(name)) {
+            let mut model = library.load(index)?;
             if model.mesh.triangles.is_empty() {
                 return Err(CadError::source(
                     &source.path,
                     format!("{name} has no triangles; exclude it"),
                 ));
             }
+            model.mesh.check().map_err(|problem| {
+                CadError::source(&source.path, format!("{name}: {problem}; mend or exclude it"))
+            })?;
             model.mesh.normalise();
             model.weight = source.weight;
             models.push(model);
@@ -133,6 +136,16 @@ pub fn load_source(source: &SourceSpec) -> Result<Vec<NamedModel>, CadError> {
         ));
     }
     Ok(models)
+}
+
+/// Reads every model of a source, for the targets in `fuzz/`: what comes after takes a thousand times as long.
+#[cfg(fuzzing)]
+pub fn fuzz(source: &SourceSpec) {
+    for library in &mut source.open().unwrap_or_default() {
+        for index in 0..library.names().len() {
+            let _ = library.load(index).map(|model| model.mesh.check());
+        }
+    }
 }
 
 impl SourceSpec {

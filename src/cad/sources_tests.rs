@@ -113,8 +113,7 @@ fn trigger_cars_are_canonical() {
 #[test]
 fn plain_folders_take_their_axes_from_the_spec() {
     let folder = tempfile::tempdir().unwrap();
-    // z up, x front, y left: the vertex farthest along +x must land at −Z, the one along +y at −X. Vertices come
-    // in the order of their use.
+    // z up, x front, y left: the vertex farthest along +x must land at −Z, the one along +y at −X.
     let obj = "v 4 0 0\nv -4 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 2\nf 1 3 5\nf 2 4 5\n";
     std::fs::write(folder.path().join("a.obj"), obj).unwrap();
     let spec = |axes: &str| -> SourceSpec {
@@ -133,13 +132,59 @@ fn plain_folders_take_their_axes_from_the_spec() {
     assert_eq!((name.as_str(), licence.as_str()), ("a", "CC0-1.0"));
     let from_front = |i: usize| (mesh.vertices[i] - mesh.vertices[0]).normalize();
     let direction = |x: f64, y: f64, z: f64| nalgebra::Vector3::new(x, y, z).normalize();
-    assert!((from_front(1) - direction(-1.0, 0.0, 4.0)).norm() < 1e-12);
-    assert!((from_front(2) - direction(0.0, 2.0, 4.0)).norm() < 1e-12);
+    assert!((from_front(2) - direction(-1.0, 0.0, 4.0)).norm() < 1e-12);
+    assert!((from_front(4) - direction(0.0, 2.0, 4.0)).norm() < 1e-12);
     assert!(load_source(&spec("up = '+z'\nfront = '-z'\nlicence = 'x'\n")).is_err());
     assert!(
         load_source(&spec(""))
             .unwrap_err()
             .to_string()
             .contains("needs up, front and licence")
+    );
+}
+
+#[test]
+fn files_of_one_name_in_different_folders_are_different_models() {
+    let folder = tempfile::tempdir().unwrap();
+    for (model, height) in [("a1", 1), ("a2", 2), ("a3", 3)] {
+        let file = folder.path().join(model).join("models/model_normalized.obj");
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        let obj = format!("v 4 0 0\nv -4 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 {height}\nf 1 3 5\nf 2 4 5\n");
+        std::fs::write(file, obj).unwrap();
+    }
+    let path = folder.path().display();
+    let spec = format!("kind = 'plain'\npath = '{path}'\nup = '+z'\nfront = '+x'\nlicence = 'CC0-1.0'\n");
+    let models = load_source(&toml::from_str(&spec).unwrap()).unwrap();
+    let names: Vec<_> = models.iter().map(|model| model.name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "a1/models/model_normalized",
+            "a2/models/model_normalized",
+            "a3/models/model_normalized"
+        ]
+    );
+    let tallness = |model: &NamedModel| {
+        let (low, high) = model.mesh.bounds().unwrap();
+        (high - low).y / (high - low).z
+    };
+    assert!(
+        models
+            .windows(2)
+            .all(|pair| tallness(&pair[1]) > 1.4 * tallness(&pair[0]))
+    );
+
+    let broken = folder.path().join("a2/models/model_normalized.obj");
+    std::fs::write(
+        &broken,
+        "v 0 0 0\nv 1e30 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nf 1 2 3 4 5\n",
+    )
+    .unwrap();
+    let message = load_source(&toml::from_str(&spec).unwrap())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("a2/models/model_normalized: vertex 2 is ") && message.contains("exclude it"),
+        "{message}"
     );
 }

@@ -7,7 +7,7 @@ use super::archive::Archive;
 use super::sources::{Library, NamedModel};
 use super::{Axes, CadError, Mesh, obj};
 use nalgebra::{Matrix3, Vector3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 const CATALOGUES: [&str; 2] = [
@@ -43,10 +43,8 @@ impl Library for SweetHome {
             .collect()
     }
 
-    fn load(&mut self, name: &str) -> Result<NamedModel, CadError> {
-        let missing = || CadError::malformed(&self.archive.path_of(""), name, "not in the catalogue");
-        let entry = self.catalogue.models.iter().find(|entry| entry.name == name);
-        let entry = entry.ok_or_else(missing)?;
+    fn load(&mut self, index: usize) -> Result<NamedModel, CadError> {
+        let entry = &self.catalogue.models[index];
         Ok(NamedModel {
             name: entry.name.clone(),
             source: format!("Sweet Home 3D, {}", self.catalogue.name),
@@ -127,14 +125,19 @@ fn parse(text: &str) -> Result<Catalogue, (String, String)> {
         }
     }
     let of_library = |key: &str| library.get(key).copied().unwrap_or_default().to_owned();
-    Ok(Catalogue {
-        name: of_library("name"),
-        licence: of_library("license"),
-        models: numbered
-            .iter()
-            .map(|(number, values)| entry(*number, values))
-            .collect::<Result<_, _>>()?,
-    })
+    let models = numbered
+        .iter()
+        .map(|(number, values)| entry(*number, values))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut names = BTreeSet::new();
+    match models.iter().find(|model| !names.insert(&model.name)) {
+        Some(model) => Err(("id".to_owned(), format!("'{}' is two models' name", model.name))),
+        None => Ok(Catalogue {
+            name: of_library("name"),
+            licence: of_library("license"),
+            models,
+        }),
+    }
 }
 
 fn entry(number: u32, values: &BTreeMap<&str, &str>) -> Result<Entry, (String, String)> {
@@ -207,5 +210,8 @@ mod tests {
         assert_eq!(parse(&bad).err().unwrap().0, "width#2");
         let missing = CATALOGUE.replace("model#2", "icon#2");
         assert_eq!(parse(&missing).err().unwrap().0, "model#2");
+        let twice = format!("{CATALOGUE}{}", CATALOGUE.replace("#2", "#3"));
+        let (_, problem) = parse(&twice).err().unwrap();
+        assert_eq!(problem, "'a-car' is two models' name");
     }
 }

@@ -1,7 +1,7 @@
 //! Texture images: PNG and JPEG through `image`, SGI by our own reader.
 
 use super::{CadError, Texture, sgi};
-use crate::image::Grid;
+use crate::image::{Grid, PictureFile};
 use std::path::Path;
 
 /// Decodes by content; `path` is for messages.
@@ -9,8 +9,10 @@ pub(super) fn decode(bytes: &[u8], path: &Path) -> Result<Texture, CadError> {
     if bytes.starts_with(&sgi::MAGIC) {
         return sgi::decode(bytes).map_err(|problem| CadError::malformed(path, "SGI image", problem));
     }
-    let decoded = image::load_from_memory(bytes)
-        .map_err(|error| CadError::malformed(path, "texture", format!("{error}; give PNG, JPEG or SGI")))?;
+    // As it lies: models' coordinates know nothing of EXIF.
+    let decoded = PictureFile::decode(bytes)
+        .map_err(|error| CadError::malformed(path, "texture", format!("{error}; give PNG, JPEG or SGI")))?
+        .pixels;
     let has_alpha = decoded.color().has_alpha();
     let rgba = decoded.into_rgba8();
     let (width, height) = (rgba.width() as usize, rgba.height() as usize);

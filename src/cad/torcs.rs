@@ -35,9 +35,10 @@ impl Library for Torcs {
         self.cars.clone()
     }
 
-    fn load(&mut self, name: &str) -> Result<NamedModel, CadError> {
+    fn load(&mut self, index: usize) -> Result<NamedModel, CadError> {
+        let name = &self.cars[index];
         Ok(NamedModel {
-            name: name.to_owned(),
+            name: name.clone(),
             source: "torcs-data".to_owned(),
             licence: licence(&mut self.archive, name)?,
             mesh: car(&mut self.archive, name)?,

@@ -3,7 +3,7 @@
 //! `<vehicle><genparams wheelmodel wheelscale/><part name="body" model scale><wheel pos radius/>…</part></vehicle>`;
 //! x right, y forward, z up. `wheelscale` brings the wheel's model to radius 1, `scale` the body's to metres.
 
-use super::archive::{Archive, beside, stem};
+use super::archive::{Archive, beside, distinct_names};
 use super::sources::{Library, NamedModel};
 use super::{Axes, CadError, Mesh, obj};
 use nalgebra::{Matrix3, Vector3};
@@ -28,21 +28,15 @@ impl Trigger {
 
 impl Library for Trigger {
     fn names(&self) -> Vec<String> {
-        self.files.iter().map(|file| stem(file).to_owned()).collect()
+        distinct_names(&self.files)
     }
 
-    fn load(&mut self, name: &str) -> Result<NamedModel, CadError> {
-        let missing = || CadError::malformed(&self.archive.path_of("vehicles"), name, "no such vehicle");
-        let file = self
-            .files
-            .iter()
-            .find(|file| stem(file) == name)
-            .ok_or_else(missing)?;
+    fn load(&mut self, index: usize) -> Result<NamedModel, CadError> {
         Ok(NamedModel {
-            name: name.to_owned(),
+            name: self.names().swap_remove(index),
             source: "trigger-rally-data".to_owned(),
             licence: "GPL-2.0-or-later".to_owned(),
-            mesh: vehicle(&mut self.archive, file)?,
+            mesh: vehicle(&mut self.archive, &self.files[index])?,
             weight: 1.0,
         })
     }

@@ -72,7 +72,7 @@ fn mask_columns(args: &Args, folder: &Path) -> anyhow::Result<()> {
         depth_share: f64,
     }
     let row = |frame: spba_ceres::sequence::Frame| -> anyhow::Result<Row> {
-        let reference = read_mask(&mask_of(folder, &frame.name)?)?;
+        let reference = read_mask(&mask_of(folder, &frame.name))?;
         anyhow::ensure!(
             reference.size() == frame.mask.size(),
             "frame {}: its mask is {:?} pixels, the one in {} {:?}; give masks of the sequence's own pictures",
@@ -92,6 +92,7 @@ fn mask_columns(args: &Args, folder: &Path) -> anyhow::Result<()> {
         })
     };
     let rows: Vec<Row> = sequence(&args.path)?
+        .into_content()
         .frames
         .into_iter()
         .map(row)
@@ -228,7 +229,12 @@ fn turn_columns(args: &Args, result: Option<&RunResult>, platform: &Platform) ->
     let own: Option<Vec<(String, Rotation3<f64>)>> = own.map(|sequence| {
         let posed =
             |frame: spba_ceres::sequence::Frame| Some((frame.name, frame.camera_from_input?.rotation));
-        sequence.frames.into_iter().filter_map(posed).collect()
+        sequence
+            .into_content()
+            .frames
+            .into_iter()
+            .filter_map(posed)
+            .collect()
     });
     let solved: Option<Vec<(String, Rotation3<f64>)>> = result.map(|result| {
         let posed = |frame: &spba_ceres::report::FrameResult| {

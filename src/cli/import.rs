@@ -25,7 +25,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let mut sequence = read(&args.input.input, &options)?;
     if let Some(truth) = &args.truth {
-        sequence.take_truth(&sequence::load(truth, &LoadOptions::default())?, truth)?;
+        sequence = sequence.with_truth_of(&sequence::load(truth, &LoadOptions::default())?, truth)?;
     }
     sequence::write(&sequence, &args.out)?;
     println!(

@@ -15,6 +15,7 @@ mod reproduce;
 mod solve;
 
 use clap::{Parser, Subcommand};
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 /// Semantic photometric bundle adjustment: from a short video of one object of a known category to its full
@@ -43,11 +44,13 @@ enum Verb {
 
 /// Runs the verb; an error is one line on standard error and exit status 1.
 pub fn run() -> ExitCode {
+    spba_ceres::quiet_guarded_panics();
     tracing_subscriber::fmt()
         .with_env_filter(
             tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into()),
         )
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .without_time()
         .init();
     let outcome = match Cli::parse().verb {

@@ -1,7 +1,6 @@
 //! `spba-ceres prepare`, and what `solve` does with a video or pictures.
 
 use super::progress::{Progress, interruption};
-use anyhow::Context;
 use spba_ceres::prepare::{
     self, Cache, Focal, MaskOptions, ObjectBox, PhotoOptions, PrepareOptions, Prepared, Stamp,
 };
@@ -87,6 +86,20 @@ impl RawArgs {
         }
     }
 
+    /// How masks are made; `None` where they are given.
+    pub fn mask_options_where_made(&self, category: &str) -> Option<MaskOptions> {
+        self.masks.is_none().then(|| self.mask_options(Some(category)))
+    }
+
+    fn mask_options(&self, category: Option<&str>) -> MaskOptions {
+        MaskOptions {
+            given: self.masks.clone(),
+            object_box: self.object_box,
+            networks: self.networks(),
+            category: category.map(str::to_owned),
+        }
+    }
+
     fn options(&self, category: Option<&str>) -> PrepareOptions {
         let photos = PhotoOptions::default();
         PrepareOptions {
@@ -95,12 +108,7 @@ impl RawArgs {
                 longest_px: self.max_size.unwrap_or(photos.longest_px),
             },
             focal: self.focal,
-            masks: MaskOptions {
-                given: self.masks.clone(),
-                object_box: self.object_box,
-                networks: self.networks(),
-                category: category.map(str::to_owned),
-            },
+            masks: self.mask_options(category),
             ..PrepareOptions::default()
         }
     }
@@ -154,6 +162,7 @@ pub fn prepare(
     let interrupted = interruption()?;
     let options = raw.options(category);
     let stamp = Stamp::new(input, &options)?;
+    prepare::remove_stale(out);
     let exists = out.symlink_metadata().is_ok();
     match Stamp::load(out) {
         Some(found) if found == stamp => {
@@ -182,11 +191,7 @@ pub fn prepare(
             memory.unwrap_or_default()
         );
     }
-    if exists {
-        std::fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
-    }
-    sequence::write(&sequence, out)?;
-    stamp.save(out)?;
+    prepare::save(&sequence, &stamp, out, &cache)?;
     println!("{:16} {}", "sequence", out.display());
     Ok(())
 }

@@ -64,6 +64,7 @@ impl Progress {
     }
 
     /// One more step of a stage.
+    #[cfg(feature = "vision")]
     pub fn advance(&self, stage: &str, steps: usize) {
         let done = {
             let _shown = self.enter(stage, Some(steps));

@@ -6,7 +6,7 @@ use spba_ceres::cad::{NamedModel, sample_outside};
 use spba_ceres::prior::learn::Progress;
 use spba_ceres::prior::{self, LearnedPrior};
 use spba_ceres::regressor::{self, Guesses, POINTS, judge};
-use spba_ceres::sequence::Sequence;
+use spba_ceres::sequence::{Sequence, SequenceError};
 use std::path::PathBuf;
 
 /// Train and judge the network that guesses a first style from the frames.
@@ -209,7 +209,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
             scene.arc.azimuth_deg = scene.arc.azimuth_deg.map(|azimuth| azimuth + turn);
             let whole = synthesise(&scene, name)?;
             for (&frames, guesses) in args.frames.iter().zip(&mut guesses) {
-                let part = spread(&whole, frames);
+                let part = spread(&whole, frames)?;
                 if let Some(truth) = &part.truth {
                     guesses.push(judge(&regressor, (&learned, &info), &known, &part, truth)?);
                 }
@@ -244,7 +244,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
 }
 
 /// So many of the frames, evenly over the sequence, with their truth.
-fn spread(whole: &Sequence, frames: usize) -> Sequence {
+fn spread(whole: &Sequence, frames: usize) -> Result<Sequence, SequenceError> {
     let last = whole.frames.len() - 1;
     let chosen: Vec<usize> = (0..frames)
         .map(|k| {
@@ -255,11 +255,11 @@ fn spread(whole: &Sequence, frames: usize) -> Sequence {
             }
         })
         .collect();
-    let mut part = whole.clone();
+    let mut part = whole.clone().into_content();
     part.frames = chosen.iter().map(|&k| whole.frames[k].clone()).collect();
     if let (Some(truth), Some(all)) = (&mut part.truth, &whole.truth) {
         truth.camera_from_object = chosen.iter().map(|&k| all.camera_from_object[k]).collect();
         truth.depth = chosen.iter().map(|&k| all.depth[k].clone()).collect();
     }
-    part
+    Sequence::new(part)
 }

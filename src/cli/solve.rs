@@ -12,7 +12,7 @@ use spba_ceres::config::{Config, ConfigError, Setting};
 use spba_ceres::init::{self, Initialisation};
 use spba_ceres::objective::Footage;
 #[cfg(feature = "vision")]
-use spba_ceres::prepare::Input;
+use spba_ceres::prepare::{Input, PrepareError};
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
 use spba_ceres::sequence::{Frame, Sequence};
@@ -82,6 +82,18 @@ pub struct Args {
     /// (alternating) [default: joint; the paper alternates]
     #[arg(long, value_parser = ["joint", "alternating"])]
     strategy: Option<String>,
+    /// Pose hypotheses that each get a short solve [default: 8; the paper keeps the one of best IoU]
+    #[arg(long, value_name = "N")]
+    hypotheses: Option<usize>,
+    /// Points of the prior to solve with; 0 = all [default: 8192]
+    #[arg(long, value_name = "N")]
+    points: Option<usize>,
+    /// Pyramid levels [default: 3; the paper mentions none]
+    #[arg(long, value_name = "N")]
+    levels: Option<usize>,
+    /// Steps of Algorithm 1 per pyramid level [default: 20]
+    #[arg(long, value_name = "N")]
+    max_steps: Option<usize>,
     /// Threads over hypotheses; the result does not depend on it [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -131,21 +143,54 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let starts = starts(&sequence, &learned, &style, target, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
-    let watch = progress::Watch::start()?;
-    let mut solution = solver::solve(
-        &Footage::new(&sequence, config.solver.levels)?,
-        &prior,
-        target,
-        &starts,
-        &config.objective,
-        &config.solver,
-        &|row| watch.see(row),
-    )?;
-    watch.finish();
-    // What follows sees the cameras that were found.
-    for frame in &mut sequence.frames {
-        frame.camera = solution.estimate.camera(&frame.camera);
+    let solve = |sequence: &Sequence, starts: &[Initialisation]| -> anyhow::Result<Solution> {
+        let watch = progress::Watch::start()?;
+        let solution = solver::solve(
+            &Footage::new(sequence, config.solver.levels)?,
+            &prior,
+            target,
+            starts,
+            &config.objective,
+            &config.solver,
+            &|row| watch.see(row),
+        )?;
+        watch.finish();
+        Ok(solution)
+    };
+    let mut solution = solve(&sequence, &starts)?;
+    #[cfg_attr(not(feature = "vision"), expect(unused_mut))]
+    let mut masks_anew: Vec<String> = Vec::new();
+    #[cfg(feature = "vision")]
+    if prepared != input && solution.termination != Termination::Interrupted {
+        let mended = with_masks_by_shape(&sequence, &learned, &solution, &args.raw, &prior_info.category)?;
+        if let Some((mended, names)) = mended {
+            println!(
+                "{:16} decided anew where the shape did not explain them: {}",
+                "masks",
+                names.join(", ")
+            );
+            let found = &solution.estimate;
+            let mut start = init::initialise_at(
+                &mended,
+                prior.as_ref(),
+                &style,
+                target,
+                &found.camera_from_object,
+                found.alpha,
+                &config.init,
+            )?;
+            start.estimate.focal_factor = found.focal_factor;
+            solution = solve(&mended, &[start])?.after(solution);
+            sequence = mended;
+            masks_anew = names;
+        }
     }
+    // What follows sees the cameras that were found.
+    sequence = sequence.edited(|content| {
+        for frame in &mut content.frames {
+            frame.camera = solution.estimate.camera(&frame.camera);
+        }
+    })?;
     solution.seconds.insert(0, ("load".to_owned(), loading_seconds));
     solution
         .seconds
@@ -159,13 +204,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             surface: &surface,
             input: &input.display().to_string(),
             prior: &name_of(&prior_info),
+            masks_anew: &masks_anew,
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
         },
         out,
     )?;
     summarise(&solution, &written, surface.mesh().is_some());
-    let doubts = report::doubts(&written.result.frames);
+    let doubts = report::doubts(
+        &written.result.frames,
+        &written.result.style,
+        written.result.focal_factor,
+        config.objective.focal_deviation.unwrap_or(0.0),
+    );
     for words in &doubts.words {
         println!("IN DOUBT         {words}");
     }
@@ -175,7 +226,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     anyhow::ensure!(
         doubts.explained,
-        "{}: not usable: no shape of the prior explains the masks; check the masks and --prior",
+        "{}: not usable: no likely shape of the prior explains the masks; check the masks and --prior",
         out.display()
     );
     Ok(())
@@ -184,7 +235,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
 #[cfg(feature = "vision")]
 fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::Result<PathBuf> {
-    if spba_ceres::sequence::recognises(input) || input.is_dir() && Input::find(input).is_err() {
+    let is_sequence = || {
+        // A folder without any picture is told what else it could be.
+        spba_ceres::sequence::recognises(input)
+            || matches!(Input::find(input), Err(PrepareError::NoPictures(_)))
+    };
+    if is_sequence() {
         if let Some(flag) = raw.given() {
             anyhow::bail!("{flag}: only for a video or a folder of pictures; leave it out");
         }
@@ -199,6 +255,50 @@ fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::
         super::prepare::IfMade::Replace,
     )?;
     Ok(folder)
+}
+
+/// The sequence with masks that its solved shape explains better, and the names of the frames whose masks these are.
+#[cfg(feature = "vision")]
+fn with_masks_by_shape(
+    sequence: &Sequence,
+    prior: &LearnedPrior,
+    solution: &Solution,
+    raw: &RawArgs,
+    category: &str,
+) -> anyhow::Result<Option<(Sequence, Vec<String>)>> {
+    let Some(options) = raw.mask_options_where_made(category) else {
+        return Ok(None);
+    };
+    let surface = Surface::of(prior, solution);
+    let interrupted = progress::interruption()?;
+    let progress = progress::Progress::new();
+    let masks =
+        spba_ceres::prepare::masks_by_shape(sequence, &surface, &solution.estimate, &options, &|steps| {
+            progress.advance("masks by the shape", steps);
+            !interrupted.load(std::sync::atomic::Ordering::SeqCst)
+        });
+    progress.finish();
+    let masks = match masks {
+        // What was solved is worth keeping.
+        Err(PrepareError::Interrupted) => return Ok(None),
+        masks => masks?,
+    };
+    let named = sequence.frames.iter().zip(&masks);
+    let names: Vec<String> = named
+        .filter(|(_, mask)| mask.is_some())
+        .map(|(frame, _)| frame.name.clone())
+        .collect();
+    if names.is_empty() {
+        return Ok(None);
+    }
+    let mended = sequence.clone().edited(|content| {
+        for (frame, mask) in content.frames.iter_mut().zip(masks) {
+            if let Some(mask) = mask {
+                frame.mask = mask;
+            }
+        }
+    })?;
+    Ok(Some((mended, names)))
 }
 
 /// As results name a prior.
@@ -294,6 +394,10 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     add_flag(given, "--init-pose", "start.pose", &args.init_pose)?;
     add_flag(given, "--solver", "solver.minimiser.method", &args.solver)?;
     add_flag(given, "--strategy", "solver.strategy", &args.strategy)?;
+    add_flag(given, "--hypotheses", "init.hypotheses.count", &args.hypotheses)?;
+    add_flag(given, "--points", "objective.points", &args.points)?;
+    add_flag(given, "--levels", "solver.levels", &args.levels)?;
+    add_flag(given, "--max-steps", "solver.max_steps", &args.max_steps)?;
     add_flag(given, "--threads", "threads", &args.threads)?;
     let config = Config::layered(args.config.as_deref(), &settings)?;
     // The library looks too, but a video takes minutes to get there.

@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn poses_that_differ_by_a_similarity_align_exactly() {
         let (sequence, _) = solved(&Surface::from_points(box_car(200)), 5);
-        let truth = sequence.truth.unwrap().camera_from_object;
+        let truth = sequence.truth.clone().unwrap().camera_from_object;
         let mut input: Vec<_> = sequence
             .frames
             .iter()

@@ -19,8 +19,8 @@ pub struct Platform {
 
 #[derive(Debug, thiserror::Error)]
 pub enum PlatformError {
-    #[error("{}: {source}", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {problem}", path.display())]
+    Io { path: PathBuf, problem: std::io::Error },
     #[error("{}: {message}", path.display())]
     Invalid { path: PathBuf, message: String },
 }
@@ -28,9 +28,9 @@ pub enum PlatformError {
 impl Platform {
     pub fn load(turn: &Path, times: &Path) -> Result<Self, PlatformError> {
         let read = |path: &Path| {
-            std::fs::read_to_string(path).map_err(|source| PlatformError::Io {
+            crate::files::read_text(path).map_err(|problem| PlatformError::Io {
                 path: path.to_owned(),
-                source,
+                problem,
             })
         };
         let invalid = |path: &Path| {

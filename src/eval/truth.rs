@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn known_errors_are_found() {
         let (sequence, _) = solved(&Surface::from_points(box_car(2000)), 3);
-        let truth = sequence.truth.unwrap();
+        let truth = sequence.truth.clone().unwrap();
         // Every camera turned in place by 2° and moved by 0.03 in the object frame; depth off by 0.01 and half
         // of it missing; the shape far away.
         let wrong = |pose: &Pose| {
@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn a_wrong_object_frame_is_forgiven_once_the_first_camera_is_given() {
         let (sequence, _) = solved(&Surface::from_points(box_car(200)), 4);
-        let truth = sequence.truth.unwrap();
+        let truth = sequence.truth.clone().unwrap();
         let turn = Rotation3::from_scaled_axis(Vector3::new(0.0, 3f64.to_radians(), 0.0));
         // The object frame turned, moved and scaled; in frame 2 the camera turned by 1° in place on top of that.
         let wrong = |(index, pose): (usize, &Pose)| {
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn a_wrong_scale_of_the_depth_is_forgiven_at_the_best_scale() {
         let (sequence, _) = solved(&Surface::from_points(box_car(500)), 3);
-        let truth = sequence.truth.unwrap();
+        let truth = sequence.truth.clone().unwrap();
         let twice = |depth: &DepthMap| {
             let data = depth.data().iter().map(|z| 2.0 * z).collect();
             Grid::from_vec(depth.width(), depth.height(), data).unwrap()
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn what_is_not_there_is_not_measured() {
         let (sequence, _) = solved(&Surface::from_points(box_car(500)), 2);
-        let truth = sequence.truth.unwrap();
+        let truth = sequence.truth.clone().unwrap();
         let estimated = Estimated {
             frames: vec![
                 ("a".into(), 1, truth.camera_from_object[1]),

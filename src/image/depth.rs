@@ -48,13 +48,16 @@ fn write_channel(grid: &Grid<f32>, name: &str, file: &FilePath) -> std::result::
         },
         AnyChannels::sort(SmallVec::from_iter([channel])),
     );
+    let mut bytes = Cursor::new(Vec::new());
     Image::from_layer(layer)
         .write()
         .non_parallel()
-        .to_file(file)
-        .map_err(|error| ImageError::Write {
+        .to_buffered(&mut bytes)
+        .map_err(std::io::Error::other)
+        .and_then(|()| std::fs::write(file, bytes.into_inner()))
+        .map_err(|problem| ImageError::Write {
             file: file.to_owned(),
-            reason: one_line(&error.to_string()),
+            problem,
         })
 }
 

@@ -7,23 +7,26 @@ use std::path::{Path, PathBuf};
 pub enum ImageError {
     #[error("{}: file is missing; put it there or correct its path", .0.display())]
     Missing(PathBuf),
-    #[error("{}: cannot be read ({source}); check the file's permissions", .file.display())]
-    Read { file: PathBuf, source: std::io::Error },
-    #[error("{}: image does not decode ({reason}); export it again as PNG or JPEG", .file.display())]
+    // Not `source`, here and below: the message has it already, and whoever prints the chain would print it twice.
+    #[error("{}: cannot be read ({problem}); check the file's permissions", .file.display())]
+    Read { file: PathBuf, problem: std::io::Error },
+    #[error("{}: image does not decode ({reason}); copy it again, or export it as PNG or JPEG", .file.display())]
     Decode { file: PathBuf, reason: String },
+    #[error("{}: no mask of an object: {problem}; paint the object white and all else black", .file.display())]
+    Mask { file: PathBuf, problem: String },
     #[error("{}: depth map does not decode ({reason}); export it as EXR with one f32 channel named Z", .file.display())]
     Depth { file: PathBuf, reason: String },
-    #[error("{}: cannot be written ({reason}); check the free space and the folder's permissions", .file.display())]
-    Write { file: PathBuf, reason: String },
+    #[error("{}: cannot be written ({problem}); check the free space and the folder's permissions", .file.display())]
+    Write { file: PathBuf, problem: std::io::Error },
 }
 
 impl ImageError {
-    pub(crate) fn read(file: &Path, source: std::io::Error) -> Self {
-        match source.kind() {
+    pub(crate) fn read(file: &Path, problem: std::io::Error) -> Self {
+        match problem.kind() {
             std::io::ErrorKind::NotFound => Self::Missing(file.to_owned()),
             _ => Self::Read {
                 file: file.to_owned(),
-                source,
+                problem,
             },
         }
     }

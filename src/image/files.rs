@@ -1,48 +1,24 @@
 //! Colour images and masks as PNG or JPEG files.
 
+use super::picture::{PictureFile, colours};
 use super::{Grid, ImageError, Mask, RgbImage};
-use std::path::{Path, PathBuf};
+use image::ImageEncoder;
+use std::path::Path;
 
-/// Reads a PNG or JPEG (told by content, not by name) as RGB in \[0, 255\].
+/// Reads a PNG or JPEG (told by content, not by name) as RGB in \[0, 255\], turned as a viewer shows it.
 pub fn read_rgb(file: &Path) -> Result<RgbImage, ImageError> {
-    Ok(rgb(decode(file)?))
+    Ok(rgb(PictureFile::read(file)?.upright()))
 }
 
 /// Likewise, scaled to cover `width` × `height` (both positive) and cropped about its middle to that size.
 pub fn read_rgb_covering(file: &Path, width: usize, height: usize) -> Result<RgbImage, ImageError> {
     // Triangle: a mean over what a pixel covers, without the overshoot of the sharper filters.
     let filter = image::imageops::FilterType::Triangle;
-    Ok(rgb(decode(file)?.resize_to_fill(
+    Ok(rgb(PictureFile::read(file)?.upright().resize_to_fill(
         width as u32,
         height as u32,
         filter,
     )))
-}
-
-/// Where a picture's mask is: named like the picture, with or without the picture's own ending (`a.png` or `a.jpg.png` for `a.jpg`).
-/// `name` is the picture's, without its ending. A file that does not exist where there is no mask.
-pub fn mask_of(folder: &Path, name: &str) -> Result<PathBuf, ImageError> {
-    let belongs = |file: &PathBuf| {
-        let stem = file.file_stem().map(Path::new);
-        let name = Some(std::ffi::OsStr::new(name));
-        stem.map(Path::as_os_str) == name || stem.and_then(Path::file_stem) == name
-    };
-    let entries = std::fs::read_dir(folder).map_err(|source| ImageError::read(folder, source))?;
-    let files = entries.flatten().map(|entry| entry.path());
-    Ok(files
-        .filter(belongs)
-        .min()
-        .unwrap_or_else(|| folder.join(format!("{name}.png"))))
-}
-
-/// Reads a mask: true where the image's brightness exceeds 127.
-pub fn read_mask(file: &Path) -> Result<Mask, ImageError> {
-    let pixels = decode(file)?.into_luma8();
-    Ok(Grid::from_fn(
-        pixels.width() as usize,
-        pixels.height() as usize,
-        |column, row| pixels.get_pixel(column as u32, row as u32).0[0] > 127,
-    ))
 }
 
 /// Writes a colour image as 8-bit PNG, values rounded and clamped to \[0, 255\].
@@ -66,24 +42,14 @@ pub fn write_mask(mask: &Mask, file: &Path) -> Result<(), ImageError> {
     write_png(file, mask.size(), bytes, image::ExtendedColorType::L8)
 }
 
-fn rgb(decoded: image::DynamicImage) -> RgbImage {
-    let pixels = decoded.into_rgb8();
+/// A decoded picture's colours; what is transparent is white.
+pub(crate) fn rgb(decoded: image::DynamicImage) -> RgbImage {
+    let pixels = colours(decoded);
     Grid::from_fn(
         pixels.width() as usize,
         pixels.height() as usize,
         |column, row| pixels.get_pixel(column as u32, row as u32).0.map(f32::from),
     )
-}
-
-fn decode(file: &Path) -> Result<image::DynamicImage, ImageError> {
-    let bytes = std::fs::read(file).map_err(|source| ImageError::read(file, source))?;
-    let reader = image::ImageReader::new(std::io::Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|source| ImageError::read(file, source))?;
-    reader.decode().map_err(|error| ImageError::Decode {
-        file: file.to_owned(),
-        reason: one_line(&error.to_string()),
-    })
 }
 
 fn write_png(
@@ -92,18 +58,16 @@ fn write_png(
     bytes: Vec<u8>,
     colour: image::ExtendedColorType,
 ) -> Result<(), ImageError> {
-    image::save_buffer_with_format(
-        file,
-        &bytes,
-        width as u32,
-        height as u32,
-        colour,
-        image::ImageFormat::Png,
-    )
-    .map_err(|error| ImageError::Write {
-        file: file.to_owned(),
-        reason: one_line(&error.to_string()),
-    })
+    let mut png = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut png);
+    encoder
+        .write_image(&bytes, width as u32, height as u32, colour)
+        .map_err(std::io::Error::other)
+        .and_then(|()| std::fs::write(file, png))
+        .map_err(|problem| ImageError::Write {
+            file: file.to_owned(),
+            problem,
+        })
 }
 
 /// Messages of other libraries may span lines; ours never do.
@@ -114,6 +78,7 @@ pub(crate) fn one_line(message: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::read_mask;
 
     #[test]
     fn colour_and_masks_survive_the_disk() {
@@ -146,20 +111,6 @@ mod tests {
             "{right} {bottom}"
         );
         assert_eq!(blue, 7.0);
-    }
-
-    #[test]
-    fn a_mask_is_true_above_127() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("mask.png");
-        write_png(
-            &file,
-            (4, 1),
-            vec![0, 127, 128, 255],
-            image::ExtendedColorType::L8,
-        )
-        .unwrap();
-        assert_eq!(read_mask(&file).unwrap().data(), [false, false, true, true]);
     }
 
     #[test]

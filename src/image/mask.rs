@@ -23,6 +23,13 @@ impl Mask {
             .count()
     }
 
+    /// Those over all pixels of the outermost rows and columns, in \[0, 1\].
+    pub fn border_share(&self) -> f64 {
+        let (width, height) = self.size();
+        let all = width * height - width.saturating_sub(2) * height.saturating_sub(2);
+        self.border_count() as f64 / all.max(1) as f64
+    }
+
     /// Columns and rows that hold the object: \[left, top, right, bottom\], the last two exclusive. `None` of an empty mask.
     pub fn bounds(&self) -> Option<[usize; 4]> {
         let width = self.width();
@@ -80,6 +87,7 @@ mod tests {
         assert_eq!(mask.share(), 5.0 / 20.0);
         // All but (1, 1): the corner, two at the right edge, one at the bottom.
         assert_eq!(mask.border_count(), 4);
+        assert_eq!(mask.border_share(), 4.0 / 14.0);
         // The diagonal pair is one part; (4, 2)–(4, 3) another; (2, 3) a third.
         assert_eq!(mask.part_count(), 3);
         assert_eq!(Grid::filled(3, 2, false).part_count(), 0);

@@ -4,7 +4,7 @@
 use crate::geometry::{Pinhole, Pose, Vector2, Vector3};
 use crate::image::{Grid, Mask, RgbImage};
 use crate::prior::ShapePrior;
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Sequence, SequenceContent};
 
 const BODY: (Vector3<f64>, Vector3<f64>) =
     (Vector3::new(-0.18, -0.13, -0.45), Vector3::new(0.18, 0.02, 0.45));
@@ -121,13 +121,14 @@ pub(super) fn sequence(camera_from_object: &[Pose], alpha: f64) -> Sequence {
             depth_deviation: None,
         }
     });
-    Sequence {
+    Sequence::new(SequenceContent {
         name: "box-car".into(),
         frames: frames.collect(),
         motion_deviation: None,
         focal_deviation: None,
         truth: None,
-    }
+    })
+    .unwrap()
 }
 
 /// Where along `ray` from `origin` the box begins.

@@ -6,6 +6,7 @@ mod terms;
 use super::*;
 use crate::geometry::{Pinhole, RelativePose, Rotation3, Vector3};
 use crate::image::{Mask, RgbImage};
+use crate::sequence::SequenceContent;
 use crate::solver::{Evaluation, LinearSolver, Minimiser};
 
 /// A sphere of points that four modes stretch and bend.
@@ -97,13 +98,14 @@ fn sequence(frames: usize) -> Sequence {
             depth_deviation: None,
         })
         .collect();
-    Sequence {
+    Sequence::new(SequenceContent {
         name: "synthetic".into(),
         frames,
         motion_deviation: None,
         focal_deviation: None,
         truth: None,
-    }
+    })
+    .unwrap()
 }
 
 fn estimate(frames: usize) -> Estimate {
@@ -247,19 +249,20 @@ fn each_terms_gradient_is_that_of_its_value() {
 
 /// A sequence whose off-the-shelf poses are those of `at`, known to 0.01 diagonals.
 fn vouched(at: &Estimate) -> Sequence {
-    let mut sequence = sequence(at.frame_count());
-    for (l, frame) in sequence.frames.iter_mut().enumerate() {
-        let Pose {
-            rotation,
-            translation,
-        } = at.camera_from_object[l];
-        frame.camera_from_input = Some(Pose {
-            rotation,
-            translation: translation / at.alpha,
-        });
-    }
-    sequence.motion_deviation = Some(0.01);
-    sequence
+    let vouched = sequence(at.frame_count()).edited(|content| {
+        for (l, frame) in content.frames.iter_mut().enumerate() {
+            let Pose {
+                rotation,
+                translation,
+            } = at.camera_from_object[l];
+            frame.camera_from_input = Some(Pose {
+                rotation,
+                translation: translation / at.alpha,
+            });
+        }
+        content.motion_deviation = Some(0.01);
+    });
+    vouched.unwrap()
 }
 
 /// Its style is 1.43 long: 0.71 √S.
@@ -334,9 +337,14 @@ fn weak_perspective_is_differentiated_too() {
 #[test]
 fn many_source_frames_weigh_no_more_than_their_limit() {
     let value = |times: usize, photometric_frames: usize| {
-        let (mut sequence, mut at) = (sequence(3), estimate(3));
-        let sources = sequence.frames.split_off(1);
-        sequence.frames.extend((0..times).flat_map(|_| sources.clone()));
+        let sequence = sequence(3).edited(|content| {
+            let sources = content.frames.split_off(1);
+            content.frames.extend((0..times).flat_map(|_| sources.clone()));
+            for (l, frame) in content.frames.iter_mut().enumerate() {
+                frame.name = l.to_string();
+            }
+        });
+        let (sequence, mut at) = (sequence.unwrap(), estimate(3));
         let poses = at.camera_from_object.split_off(1);
         at.camera_from_object.extend(poses.repeat(times));
         let options = only(|o| {
@@ -366,15 +374,16 @@ fn many_source_frames_weigh_no_more_than_their_limit() {
 #[test]
 fn weak_perspective_is_perspective_from_afar() {
     let value = |weak_perspective: bool, times_as_far: f64| {
-        let mut sequence = sequence(3);
-        let mut at = estimate(3);
+        let sequence = sequence(3).edited(|content| {
+            for frame in &mut content.frames {
+                frame.camera.fx *= times_as_far;
+                frame.camera.fy *= times_as_far;
+            }
+        });
+        let (sequence, mut at) = (sequence.unwrap(), estimate(3));
         for (l, pose) in at.camera_from_object.iter_mut().enumerate() {
             pose.translation.z = 1.6 * times_as_far;
             pose.translation.x += 0.02 * l as f64;
-        }
-        for frame in &mut sequence.frames {
-            frame.camera.fx *= times_as_far;
-            frame.camera.fy *= times_as_far;
         }
         let options = ObjectiveOptions {
             weak_perspective,

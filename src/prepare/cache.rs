@@ -4,7 +4,8 @@ use crate::sources;
 use serde::{Serialize, de::DeserializeOwned};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Of contents and options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -50,17 +51,47 @@ fn build() -> u64 {
 #[derive(Clone, Debug)]
 pub struct Cache {
     folder: Option<PathBuf>,
+    /// No more is kept in a folder that could not be written to.
+    given_up: Arc<AtomicBool>,
 }
 
+/// Behind the name of an entry that is being written, with the number of the process that writes it before.
+const PARTIAL: &str = "partial";
+
 impl Cache {
-    /// The folder is made with the first entry.
+    /// The folder is made with the first entry. What killed processes left in it is removed.
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder: Some(folder) }
+        for file in files_in(&folder) {
+            if writer_of(&file).is_some_and(|process| !is_running(process)) {
+                // It is tried again the next time.
+                let _ = std::fs::remove_file(file);
+            }
+        }
+        Self {
+            folder: Some(folder),
+            given_up: Arc::default(),
+        }
     }
 
     /// Keeps nothing.
     pub fn none() -> Self {
-        Self { folder: None }
+        Self {
+            folder: None,
+            given_up: Arc::default(),
+        }
+    }
+
+    /// Removes all entries and keeps no more, so that there is room for what counts; whether there were any.
+    pub fn give_up(&self) -> bool {
+        self.given_up.store(true, Ordering::Relaxed);
+        let Some(folder) = &self.folder else { return false };
+        let removed = files_in(folder)
+            .into_iter()
+            .filter(|file| std::fs::remove_file(file).is_ok())
+            .count();
+        // Not empty where it holds what is not ours.
+        let _ = std::fs::remove_dir(folder);
+        removed > 0
     }
 
     /// What `make` made of the same before, or makes now. A cache that cannot be written to is none.
@@ -85,18 +116,48 @@ impl Cache {
             return Ok(kept);
         }
         let made = make()?;
-        if let Ok(bytes) = postcard::to_stdvec_crc32(&made, crc.digest()) {
-            let written =
-                std::fs::create_dir_all(folder).and_then(|()| crate::files::write_whole(&file, &bytes));
-            if let Err(error) = written {
-                tracing::warn!(
-                    "{}: {error}; this will be made anew the next time",
-                    file.display()
-                );
-            }
+        if self.given_up.load(Ordering::Relaxed) {
+            return Ok(made);
+        }
+        if let Ok(bytes) = postcard::to_stdvec_crc32(&made, crc.digest())
+            && let Err(error) = write(&file, &bytes)
+        {
+            self.give_up();
+            tracing::warn!(
+                "{}: cannot be written ({error}); the cache is removed, and all is made anew the next time",
+                folder.display()
+            );
         }
         Ok(made)
     }
+}
+
+fn write(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    std::fs::create_dir_all(file.parent().unwrap_or(Path::new("")))?;
+    let beside = file.with_extension(format!("{}.{PARTIAL}", std::process::id()));
+    std::fs::write(&beside, bytes)?;
+    std::fs::rename(&beside, file)
+}
+
+/// Entries, whole or partial: `<stage>-<key>[.<process>.partial]`.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let is_entry = |file: &PathBuf| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let key = name.split('.').next().and_then(|name| name.rsplit_once('-'));
+        key.is_some_and(|(_, key)| key.len() == 16 && key.bytes().all(|byte| byte.is_ascii_hexdigit()))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(is_entry).collect()
+}
+
+/// The process that writes a partial entry.
+fn writer_of(file: &Path) -> Option<u32> {
+    let (before, ending) = file.file_name()?.to_str()?.rsplit_once('.')?;
+    (ending == PARTIAL).then(|| before.rsplit_once('.')?.1.parse().ok())?
+}
+
+fn is_running(process: u32) -> bool {
+    Path::new("/proc").join(process.to_string()).exists()
 }
 
 fn crc() -> crc::Crc<u32> {
@@ -131,5 +192,44 @@ mod tests {
         bytes[5] ^= 1;
         std::fs::write(&file, bytes).unwrap();
         assert_eq!(cache.get_or("depth", key, make), Ok(made));
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_to_is_given_up_and_costs_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path().join("cache"));
+        let key = Key::of("photo");
+        let made = |number: u32| move || Ok::<_, ()>(number);
+        assert_eq!(cache.get_or("depth", key, made(1)), Ok(1));
+        std::fs::write(folder.path().join("cache/notes.txt"), "mine").unwrap();
+        // An entry's name is taken by a folder.
+        std::fs::create_dir(folder.path().join("cache").join(format!("motion-{key}"))).unwrap();
+        assert_eq!(cache.get_or("motion", key, made(2)), Ok(2));
+        assert_eq!(
+            cache.get_or("depth", key, made(3)),
+            Ok(3),
+            "removed, to make room"
+        );
+        assert_eq!(cache.get_or("depth", key, made(4)), Ok(4), "and nothing is kept");
+        let left: Vec<_> = files_in(&folder.path().join("cache"));
+        assert!(left.iter().all(|file| file.is_dir()), "{left:?}");
+        assert!(folder.path().join("cache/notes.txt").exists());
+        assert!(!cache.give_up());
+    }
+
+    #[test]
+    fn what_killed_processes_left_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let key = Key::of("photo");
+        let own = folder
+            .path()
+            .join(format!("depth-{key}.{}.partial", std::process::id()));
+        let dead = folder.path().join(format!("depth-{key}.4194305.partial"));
+        let other = folder.path().join("photo.partial");
+        for file in [&own, &dead, &other] {
+            std::fs::write(file, "half").unwrap();
+        }
+        Cache::new(folder.path().to_owned());
+        assert!(own.exists() && !dead.exists() && other.exists());
     }
 }

@@ -10,15 +10,18 @@ use std::path::PathBuf;
 pub enum PrepareError {
     #[error("{}: no such file or folder; correct its path", .0.display())]
     Missing(PathBuf),
-    #[error("{}: cannot be read ({source}); check its permissions", .file.display())]
-    Read { file: PathBuf, source: std::io::Error },
+    // Not `source`: the message has it already, and whoever prints the chain would print it twice.
+    #[error("{}: cannot be read ({problem}); check its permissions", .file.display())]
+    Read { file: PathBuf, problem: std::io::Error },
     #[error("{}: no video that OpenCV can decode; export it again as MP4 (H.264), or give a folder of its frames", .0.display())]
     NoVideo(PathBuf),
+    #[error("{}: no pictures; give a folder of PNG or JPEG pictures of one object, or a video", .0.display())]
+    NoPictures(PathBuf),
     #[error("{}: {found} frames, at least two are needed; {mend}", .input.display())]
     TooFew {
         input: PathBuf,
         found: usize,
-        mend: &'static str,
+        mend: String,
     },
     #[error("{}: {} × {} pixels, but most are {} × {}; leave it out or scale it", .file.display(), .found.0, .found.1, .expected.0, .expected.1)]
     MixedSizes {

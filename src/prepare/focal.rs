@@ -1,9 +1,9 @@
 //! Which focal length, and how it is known.
 
 use super::motion::{FREE, FocalEvidence, Motion};
-use super::photos::FILM_DIAGONAL_MM;
 use super::{Photo, PrepareError};
 use crate::geometry::Pinhole;
+use crate::image::exif_data::FILM_DIAGONAL_MM;
 use std::str::FromStr;
 
 /// As the user gives it.
@@ -144,6 +144,7 @@ mod tests {
             seconds: None,
             focal_px,
             scale: 0.5,
+            origin: crate::prepare::Origin::Video,
         }
     }
 

@@ -8,21 +8,24 @@ mod masks;
 pub mod motion;
 mod photos;
 mod refine;
+mod save;
 mod stamp;
+mod video;
 
 pub use cache::Cache;
 pub use depth::DepthOptions;
 pub use error::PrepareError;
 pub use focal::{Focal, FocalSource};
-pub use masks::{MaskOptions, NetworkError, ObjectBox};
+pub use masks::{MaskOptions, NetworkError, ObjectBox, masks_by_shape};
 pub use motion::MotionOptions;
-pub use photos::{Input, Photo, PhotoOptions};
+pub use photos::{Input, Origin, Photo, PhotoOptions, Photos};
 pub use refine::RefineOptions;
+pub use save::{remove_stale, save};
 pub use stamp::Stamp;
 
 use crate::image::{DepthMap, Mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
 use motion::{FocalEvidence, Motion, MotionError, View};
 use std::path::Path;
@@ -102,9 +105,10 @@ pub fn prepare(
     };
     let found = Input::find(input)?;
     let key = stamp::contents(&found.files())?.and(&options.photos);
-    let photos = found.read(&options.photos)?;
+    let Photos { photos, notes } = found.read(&options.photos)?;
     let (width, height) = photos.first().map_or((0, 0), |photo| photo.image.size());
-    stage("frames", format!("{} of {width} × {height}", photos.len()));
+    let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
+    stage("frames", format!("{} of {width} × {height}{notes}", photos.len()));
 
     let masks::Found { masks, words } = masks::masks(&photos, &options.masks, cache, key, &|steps| {
         watch("masks", steps)
@@ -213,13 +217,13 @@ pub fn prepare(
         .to_string_lossy()
         .into_owned();
     Ok(Prepared {
-        sequence: Sequence {
+        sequence: Sequence::new(SequenceContent {
             name,
             frames,
             motion_deviation: Some(MOTION_DEVIATION),
             focal_deviation: Some(motion.focal_deviation).filter(|&deviation| deviation > 0.0),
             truth: None,
-        },
+        })?,
         stages,
     })
 }

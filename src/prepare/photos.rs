@@ -1,12 +1,16 @@
 //! Frames out of a video or a folder of photos: upright, in order, of one size, and no more than are needed.
 
 use super::PrepareError;
+use super::video::video;
 use crate::bridge::vision::ffi::{self, Picture};
-use crate::image::{Grid, ImageError, RgbImage, one_line};
-use exif::{In, Tag};
-use image::{DynamicImage, ImageDecoder};
+use crate::image::{Grid, ImageError, PictureFile, Pictures, RgbImage, Turn, colours, exif_data};
+use crate::memory::memory_bytes;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+
+/// What all stages take a pixel of a chosen frame.
+const BYTES_PER_PIXEL: f64 = 150.0;
 
 /// What can be chosen.
 #[derive(Clone, Debug)]
@@ -30,14 +34,18 @@ impl Default for PhotoOptions {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
     Video(PathBuf),
-    /// Pictures, by name.
-    Photos(Vec<PathBuf>),
+    Photos {
+        /// By name, numbers in it by their value.
+        files: Vec<PathBuf>,
+        /// Pictures beside them that are not read, in words.
+        left_out: Option<String>,
+    },
 }
 
 /// A frame.
 #[derive(Clone, Debug)]
 pub struct Photo {
-    /// A photo's name without its ending, or a frame's number in its video.
+    /// A photo's name, without its ending where all stay apart, or a frame's number in its video.
     pub name: String,
     pub image: RgbImage,
     /// Since the video's first frame or the first photo, where known.
@@ -46,6 +54,23 @@ pub struct Photo {
     pub focal_px: Option<f64>,
     /// The image's size over that of the original.
     pub scale: f64,
+    pub origin: Origin,
+}
+
+/// What a frame was before it was turned upright.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    Video,
+    /// A picture that was stored to be turned so.
+    File(Turn),
+}
+
+/// The chosen frames.
+#[derive(Debug)]
+pub struct Photos {
+    pub photos: Vec<Photo>,
+    /// What to know of them, for people.
+    pub notes: Vec<String>,
 }
 
 impl Input {
@@ -60,120 +85,72 @@ impl Input {
         if path.is_file() {
             return Ok(Self::Video(path.to_owned()));
         }
-        let read = |source| PrepareError::Read {
-            file: path.to_owned(),
-            source,
-        };
-        let mut files = Vec::new();
-        for entry in std::fs::read_dir(path).map_err(read)? {
-            let file = entry.map_err(read)?.path();
-            let known = file
-                .extension()
-                .and_then(|ending| ending.to_str())
-                .is_some_and(|ending| ["jpg", "jpeg", "png"].contains(&ending.to_lowercase().as_str()));
-            if known && file.is_file() {
-                files.push(file);
-            }
+        let pictures = Pictures::of(path)?;
+        let left_out = pictures.left_out();
+        if pictures.files.is_empty() && left_out.is_none() {
+            return Err(PrepareError::NoPictures(path.to_owned()));
         }
-        if files.len() < 2 {
+        if pictures.files.len() < 2 {
             return Err(PrepareError::TooFew {
                 input: path.to_owned(),
-                found: files.len(),
-                mend: "give a folder of PNG or JPEG pictures of one object, or a video",
+                found: pictures.files.len(),
+                mend: match left_out {
+                    Some(left_out) => format!("left out are {left_out}"),
+                    None => "give more pictures of the object, or a video".into(),
+                },
             });
         }
-        files.sort_by_key(|file| natural_key(&file.file_name().unwrap_or_default().to_string_lossy()));
-        Ok(Self::Photos(files))
+        Ok(Self::Photos {
+            files: pictures.files,
+            left_out,
+        })
     }
 
     /// All files it is made of.
     pub fn files(&self) -> Vec<PathBuf> {
         match self {
             Self::Video(file) => vec![file.clone()],
-            Self::Photos(files) => files.clone(),
+            Self::Photos { files, .. } => files.clone(),
         }
     }
 
     /// The chosen frames.
     ///
     /// # Errors
-    /// Pictures that cannot be read, of different sizes, or too few frames.
-    pub fn read(&self, options: &PhotoOptions) -> Result<Vec<Photo>, PrepareError> {
+    /// Pictures that cannot be read, of different sizes, too few frames, or more than memory can hold.
+    pub fn read(&self, options: &PhotoOptions) -> Result<Photos, PrepareError> {
         match self {
             Self::Video(file) => video(file, options),
-            Self::Photos(files) => photos(files, options),
+            Self::Photos { files, left_out } => Ok(Photos {
+                photos: photos(files, options)?,
+                notes: left_out
+                    .iter()
+                    .map(|words| format!("left out are {words}"))
+                    .collect(),
+            }),
         }
     }
 }
 
-/// Numbers in names by their value: frame2 before frame10.
-fn natural_key(name: &str) -> Vec<(u64, String)> {
-    let mut key = vec![(0u64, String::new())];
-    let mut digits = false;
-    for letter in name.chars() {
-        if letter.is_ascii_digit() != digits {
-            digits = letter.is_ascii_digit();
-            if digits {
-                key.push((0, String::new()));
-            }
-        }
-        let last = key.len() - 1;
-        match letter.to_digit(10) {
-            Some(digit) => key[last].0 = key[last].0.saturating_mul(10).saturating_add(u64::from(digit)),
-            None => key[last].1.push(letter),
-        }
+/// Fails where frames of that size take more memory than there is.
+pub(super) fn check_memory(frames: usize, (width, height): (usize, usize)) -> Result<(), PrepareError> {
+    let needed = frames as f64 * width as f64 * height as f64 * BYTES_PER_PIXEL;
+    match memory_bytes() {
+        Some(there) if needed > there => Err(PrepareError::Option {
+            option: "--max-frames, --max-size",
+            problem: format!(
+                "{frames} frames of {width} × {height} take about {:.1} GB of memory, this machine has {:.1}",
+                needed / 1e9,
+                there / 1e9
+            ),
+            mend: "give less of either",
+        }),
+        _ => Ok(()),
     }
-    key
-}
-
-fn video(file: &Path, options: &PhotoOptions) -> Result<Vec<Photo>, PrepareError> {
-    let path = file.to_string_lossy();
-    let open = || {
-        let video = ffi::open_video(&path)?;
-        if video.is_null() {
-            return Err(PrepareError::NoVideo(file.to_owned()));
-        }
-        Ok(video)
-    };
-    let mut sharpness = Vec::new();
-    let mut decoder = open()?;
-    let mut picture = Picture::default();
-    while decoder.pin_mut().next(&mut picture)? {
-        sharpness.push(ffi::sharpness(&small(&picture, 320)?)?);
-    }
-    // Headers alone open, too.
-    if sharpness.is_empty() {
-        return Err(PrepareError::NoVideo(file.to_owned()));
-    }
-    let chosen = sharpest(&sharpness, options.most);
-    if chosen.len() < 2 {
-        return Err(PrepareError::TooFew {
-            input: file.to_owned(),
-            found: chosen.len(),
-            mend: "give a longer video",
-        });
-    }
-    let mut photos = Vec::with_capacity(chosen.len());
-    let mut decoder = open()?;
-    let mut number = 0;
-    while decoder.pin_mut().next(&mut picture)? {
-        if chosen.binary_search(&number).is_ok() {
-            let kept = small(&picture, options.longest_px)?;
-            photos.push(Photo {
-                name: format!("{number:06}"),
-                image: rgb(&kept),
-                seconds: Some(kept.seconds),
-                focal_px: None,
-                scale: kept.width as f64 / picture.width as f64,
-            });
-        }
-        number += 1;
-    }
-    Ok(photos)
 }
 
 /// The sharpest of each of `most` groups of frames in a row, in order.
-fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
+pub(super) fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
     let groups = sharpness.len().min(most);
     (0..groups)
         .filter_map(|group| {
@@ -183,158 +160,113 @@ fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
         .collect()
 }
 
-struct Decoded {
-    picture: Picture,
+/// What is looked at of every photo before some are chosen; thousands of pictures would not fit into memory.
+struct Seen<'a> {
+    file: &'a Path,
+    size: (usize, usize),
     focal_px: Option<f64>,
-    scale: f64,
     /// Whole seconds of a calendar.
     seconds: Option<u64>,
     sharpness: f64,
 }
 
 fn photos(files: &[PathBuf], options: &PhotoOptions) -> Result<Vec<Photo>, PrepareError> {
-    let mut decoded: Vec<(&PathBuf, Decoded)> = files
+    let mut seen: Vec<Seen> = files
         .par_iter()
-        .map(|file| Ok((file, decode(file, options.longest_px)?)))
+        .map(|file| look(file, options.longest_px))
         .collect::<Result<_, PrepareError>>()?;
     // Cameras start their numbers anew; within a second, names decide.
-    if decoded.iter().all(|(_, d)| d.seconds.is_some()) {
-        decoded.sort_by_key(|(_, d)| d.seconds);
+    if seen.iter().all(|photo| photo.seconds.is_some()) {
+        seen.sort_by_key(|photo| photo.seconds);
     }
-    let sizes: Vec<(usize, usize)> = decoded
+    let count = |size: (usize, usize)| seen.iter().filter(|photo| photo.size == size).count();
+    let usual = seen
         .iter()
-        .map(|(_, d)| (d.picture.width, d.picture.height))
-        .collect();
-    let count = |size: &(usize, usize)| sizes.iter().filter(|other| *other == size).count();
-    if let Some(&expected) = sizes.iter().max_by_key(|size| count(size))
-        && let Some(odd) = sizes.iter().position(|size| *size != expected)
-    {
+        .map(|photo| photo.size)
+        .max_by_key(|&size| count(size));
+    let expected = usual.unwrap_or_default();
+    if let Some(odd) = seen.iter().find(|photo| photo.size != expected) {
         return Err(PrepareError::MixedSizes {
-            file: decoded[odd].0.clone(),
-            found: sizes[odd],
+            file: odd.file.to_owned(),
+            found: odd.size,
             expected,
         });
     }
-    let sharpness: Vec<f64> = decoded.iter().map(|(_, d)| d.sharpness).collect();
-    let first = decoded.iter().find_map(|(_, d)| d.seconds);
-    Ok(sharpest(&sharpness, options.most)
-        .into_iter()
+    let sharpness: Vec<f64> = seen.iter().map(|photo| photo.sharpness).collect();
+    let first = seen.iter().find_map(|photo| photo.seconds);
+    let names = names(&seen);
+    let chosen = sharpest(&sharpness, options.most);
+    check_memory(chosen.len(), expected)?;
+    chosen
+        .into_par_iter()
         .map(|index| {
-            let (file, decoded) = &decoded[index];
-            let name = file.file_stem().unwrap_or_default();
-            Photo {
-                name: name.to_string_lossy().into_owned(),
-                image: rgb(&decoded.picture),
-                seconds: decoded
+            let photo = &seen[index];
+            let (turn, whole) = read(photo.file)?;
+            let picture = small(&whole, options.longest_px)?;
+            Ok(Photo {
+                name: names[index].clone(),
+                image: image_of(&picture),
+                seconds: photo
                     .seconds
                     .zip(first)
                     .map(|(seconds, first)| seconds.abs_diff(first) as f64),
-                focal_px: decoded.focal_px,
-                scale: decoded.scale,
-            }
+                focal_px: photo.focal_px,
+                scale: picture.width as f64 / whole.width as f64,
+                origin: Origin::File(turn),
+            })
         })
-        .collect())
+        .collect()
 }
 
-fn decode(file: &Path, longest_px: usize) -> Result<Decoded, PrepareError> {
-    let bytes = std::fs::read(file).map_err(|source| ImageError::read(file, source))?;
-    let refused = |error: image::ImageError| ImageError::Decode {
+/// Names of photos: without their endings where that keeps them apart.
+fn names(seen: &[Seen]) -> Vec<String> {
+    let lossy = |name: Option<&std::ffi::OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
+    let stems: Vec<String> = seen.iter().map(|photo| lossy(photo.file.file_stem())).collect();
+    if stems.iter().collect::<BTreeSet<_>>().len() == stems.len() {
+        return stems;
+    }
+    seen.iter().map(|photo| lossy(photo.file.file_name())).collect()
+}
+
+fn look(file: &Path, longest_px: usize) -> Result<Seen<'_>, PrepareError> {
+    let bytes = std::fs::read(file).map_err(|error| ImageError::read(file, error))?;
+    let picture = small(&decode(&bytes, file)?.1, longest_px)?;
+    let exif = exif_data::read(&bytes);
+    Ok(Seen {
+        file,
+        size: (picture.width, picture.height),
+        focal_px: exif
+            .as_ref()
+            .and_then(|exif| exif_data::focal_px(exif, picture.width, picture.height)),
+        seconds: exif.as_ref().and_then(exif_data::seconds),
+        sharpness: ffi::sharpness(&small(&picture, 320)?)?,
+    })
+}
+
+fn read(file: &Path) -> Result<(Turn, Picture), ImageError> {
+    let bytes = std::fs::read(file).map_err(|error| ImageError::read(file, error))?;
+    decode(&bytes, file)
+}
+
+/// A picture upright, and how it was turned.
+fn decode(bytes: &[u8], file: &Path) -> Result<(Turn, Picture), ImageError> {
+    let picture = PictureFile::decode(bytes).map_err(|reason| ImageError::Decode {
         file: file.to_owned(),
-        reason: one_line(&error.to_string()),
-    };
-    let mut decoder = image::ImageReader::new(std::io::Cursor::new(&bytes))
-        .with_guessed_format()
-        .map_err(|source| ImageError::read(file, source))?
-        .into_decoder()
-        .map_err(refused)?;
-    let orientation = decoder.orientation().map_err(refused)?;
-    let mut upright = DynamicImage::from_decoder(decoder).map_err(refused)?;
-    upright.apply_orientation(orientation);
-    let pixels = upright.into_rgb8();
-    let whole = Picture {
+        reason,
+    })?;
+    let turn = picture.turn;
+    let pixels = colours(picture.upright());
+    let picture = Picture {
         width: pixels.width() as usize,
         height: pixels.height() as usize,
         rgb: pixels.into_raw(),
         seconds: 0.0,
     };
-    let exif = exif::Reader::new()
-        .read_from_container(&mut std::io::Cursor::new(&bytes))
-        .ok();
-    let picture = small(&whole, longest_px)?;
-    let sharpness = ffi::sharpness(&small(&picture, 320)?)?;
-    Ok(Decoded {
-        focal_px: exif
-            .as_ref()
-            .and_then(|exif| focal_px(exif, picture.width, picture.height)),
-        seconds: exif.as_ref().and_then(seconds),
-        scale: picture.width as f64 / whole.width as f64,
-        sharpness,
-        picture,
-    })
-}
-
-/// Diagonal of 35 mm film, in millimetres.
-pub(super) const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
-/// Sensor widths in millimetres; a model's name as EXIF data have it.
-const SENSOR_WIDTHS: [(&str, f64); 6] = [
-    ("NIKON D70", 23.7),
-    ("NIKON D80", 23.6),
-    ("NIKON D90", 23.6),
-    ("Canon EOS 300D", 22.7),
-    ("Canon EOS 400D", 22.2),
-    ("Canon EOS 5D", 35.8),
-];
-
-/// The focal length in pixels of a picture of this size.
-fn focal_px(exif: &exif::Exif, width: usize, height: usize) -> Option<f64> {
-    let number = |tag| match &exif.get_field(tag, In::PRIMARY)?.value {
-        exif::Value::Rational(values) => values.first().map(exif::Rational::to_f64),
-        value => value.get_uint(0).map(f64::from),
-    };
-    let positive = |value: &f64| value.is_finite() && *value > 0.0;
-    // The 35 mm equivalent is rounded to millimetres; a known sensor is better.
-    let sensor_mm = exif.get_field(Tag::Model, In::PRIMARY).and_then(|model| {
-        let model = model.display_value().to_string();
-        SENSOR_WIDTHS
-            .iter()
-            .find(|(known, _)| model.contains(known))
-            .map(|(_, mm)| mm)
-    });
-    if let Some((focal_mm, sensor_mm)) = number(Tag::FocalLength).filter(positive).zip(sensor_mm) {
-        return Some(focal_mm / sensor_mm * width.max(height) as f64);
-    }
-    let equivalent = number(Tag::FocalLengthIn35mmFilm).filter(positive)?;
-    Some(equivalent / FILM_DIAGONAL_MM * (width as f64).hypot(height as f64))
-}
-
-/// When a photo was taken; of use only as a difference.
-fn seconds(exif: &exif::Exif) -> Option<u64> {
-    let exif::Value::Ascii(texts) = &exif.get_field(Tag::DateTimeOriginal, In::PRIMARY)?.value else {
-        return None;
-    };
-    let taken = exif::DateTime::from_ascii(texts.first()?).ok()?;
-    let days = days_since_march_0000(
-        u64::from(taken.year),
-        u64::from(taken.month),
-        u64::from(taken.day),
-    );
-    let whole =
-        86_400 * days + 3600 * u64::from(taken.hour) + 60 * u64::from(taken.minute) + u64::from(taken.second);
-    Some(whole)
-}
-
-/// Days of the Gregorian calendar, counted from a 1 March, so that leap days end a year.
-fn days_since_march_0000(year: u64, month: u64, day: u64) -> u64 {
-    let (year, month) = if month < 3 {
-        (year.saturating_sub(1), month + 9)
-    } else {
-        (year, month - 3)
-    };
-    365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day
+    Ok((turn, picture))
 }
 
 /// A picture no longer than `longest_px`.
-fn small(picture: &Picture, longest_px: usize) -> Result<Picture, cxx::Exception> {
+pub(super) fn small(picture: &Picture, longest_px: usize) -> Result<Picture, cxx::Exception> {
     let longest = picture.width.max(picture.height);
     if longest <= longest_px {
         return Ok(picture.clone());
@@ -343,7 +275,7 @@ fn small(picture: &Picture, longest_px: usize) -> Result<Picture, cxx::Exception
     ffi::resized(picture, scaled(picture.width), scaled(picture.height))
 }
 
-fn rgb(picture: &Picture) -> RgbImage {
+pub(super) fn image_of(picture: &Picture) -> RgbImage {
     Grid::from_fn(picture.width, picture.height, |column, row| {
         let at = 3 * (row * picture.width + column);
         [picture.rgb[at], picture.rgb[at + 1], picture.rgb[at + 2]].map(f32::from)
@@ -353,39 +285,21 @@ fn rgb(picture: &Picture) -> RgbImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_in_names_count_by_value() {
-        let mut names = ["f10.png", "f2.png", "a3_1.png", "f2b.png"];
-        names.sort_by_key(|name| natural_key(name));
-        assert_eq!(names, ["a3_1.png", "f2.png", "f2b.png", "f10.png"]);
-    }
+    use crate::image::exif_data::FILM_DIAGONAL_MM;
+    use crate::image::exif_jpeg;
+    use exif::{Tag, Value};
 
     /// A JPEG whose EXIF data say: taken with 26 mm at that second, to be turned by a quarter to the right.
     fn photo(file: &Path, second: u8) {
-        let mut jpeg = Vec::new();
-        let lying = image::RgbImage::from_fn(64, 48, |x, _| image::Rgb([if x < 32 { 250 } else { 5 }; 3]));
-        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95)
-            .encode_image(&lying)
-            .unwrap();
         let taken = format!("2026:11:23 12:00:{second:02}").into_bytes();
-        let fields = [
-            (Tag::Orientation, exif::Value::Short(vec![6])),
-            (Tag::FocalLengthIn35mmFilm, exif::Value::Short(vec![26])),
-            (Tag::DateTimeOriginal, exif::Value::Ascii(vec![taken])),
-        ]
-        .map(|(tag, value)| exif::Field {
-            tag,
-            ifd_num: In::PRIMARY,
-            value,
-        });
-        let mut writer = exif::experimental::Writer::new();
-        fields.iter().for_each(|field| writer.push_field(field));
-        let mut data = std::io::Cursor::new(Vec::new());
-        writer.write(&mut data, false).unwrap();
-        let segment = [b"Exif\0\0".to_vec(), data.into_inner()].concat();
-        let length = (segment.len() as u16 + 2).to_be_bytes();
-        let bytes = [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat();
+        let bytes = exif_jpeg(
+            (64, 48),
+            &[
+                (Tag::Orientation, Value::Short(vec![6])),
+                (Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])),
+                (Tag::DateTimeOriginal, Value::Ascii(vec![taken])),
+            ],
+        );
         std::fs::write(file, bytes).unwrap();
     }
 
@@ -394,17 +308,33 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         photo(&folder.path().join("a.jpg"), 9);
         photo(&folder.path().join("b.jpg"), 4);
+        std::fs::write(folder.path().join("c.HEIC"), "").unwrap();
         let input = Input::find(folder.path()).unwrap();
-        let photos = input.read(&PhotoOptions::default()).unwrap();
+        let Photos { photos, notes } = input.read(&PhotoOptions::default()).unwrap();
+        assert!(notes[0].contains("1 .heic") && notes.len() == 1, "{notes:?}");
         let told: Vec<_> = photos.iter().map(|p| (p.name.as_str(), p.seconds)).collect();
         assert_eq!(told, [("b", Some(0.0)), ("a", Some(5.0))]);
         let photo = &photos[0];
         assert_eq!(photo.image.size(), (48, 64));
+        assert!(matches!(photo.origin, Origin::File(turn) if turn.swaps_sides()));
         // What lay left is up.
         assert!(photo.image[(24, 10)][0] > 200.0 && photo.image[(24, 54)][0] < 50.0);
         // The diagonal is 80 pixels.
         let expected = 26.0 / FILM_DIAGONAL_MM * 80.0;
         assert!((photo.focal_px.unwrap() - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn photos_that_differ_in_their_endings_keep_them() {
+        let folder = tempfile::tempdir().unwrap();
+        photo(&folder.path().join("a.jpg"), 1);
+        photo(&folder.path().join("a.jpeg"), 2);
+        let photos = Input::find(folder.path())
+            .unwrap()
+            .read(&PhotoOptions::default())
+            .unwrap()
+            .photos;
+        assert_eq!([&photos[0].name, &photos[1].name], ["a.jpg", "a.jpeg"]);
     }
 
     #[test]
@@ -415,15 +345,9 @@ mod tests {
     }
 
     #[test]
-    fn days_go_on_across_months_leap_days_and_years() {
-        let days = |y, m, d| days_since_march_0000(y, m, d);
-        for ((y, m, d), (y2, m2, d2)) in [
-            ((2024, 2, 29), (2024, 3, 1)),
-            ((2023, 2, 28), (2023, 3, 1)),
-            ((2023, 12, 31), (2024, 1, 1)),
-            ((2024, 4, 30), (2024, 5, 1)),
-        ] {
-            assert_eq!(days(y, m, d) + 1, days(y2, m2, d2), "{y}-{m}-{d}");
-        }
+    fn more_than_memory_holds_is_refused_before_it_is_read() {
+        assert!(check_memory(40, (960, 720)).is_ok());
+        let message = check_memory(100_000, (12_000, 9_000)).unwrap_err().to_string();
+        assert!(message.contains("--max-size: 100000 frames"), "{message}");
     }
 }

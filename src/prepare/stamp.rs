@@ -24,9 +24,9 @@ impl Stamp {
         let mut files = Input::find(input)?.files();
         if let Some(folder) = &options.masks.given {
             let mut masks: Vec<PathBuf> = std::fs::read_dir(folder)
-                .map_err(|source| PrepareError::Read {
+                .map_err(|problem| PrepareError::Read {
                     file: folder.clone(),
-                    source,
+                    problem,
                 })?
                 .flatten()
                 .map(|entry| entry.path())
@@ -61,7 +61,7 @@ impl Stamp {
     pub fn save(&self, sequence: &Path) -> Result<(), PrepareError> {
         let file = sequence.join(FILE);
         let json = serde_json::to_vec(self).unwrap_or_default();
-        crate::files::write_whole(&file, &json).map_err(|source| SequenceError::write(&file, source))?;
+        std::fs::write(&file, json).map_err(|problem| SequenceError::write(&file, problem))?;
         Ok(())
     }
 }
@@ -73,9 +73,9 @@ impl Stamp {
 pub fn contents(files: &[PathBuf]) -> Result<Key, PrepareError> {
     let mut key = Key::of("files");
     for file in files {
-        let bytes = std::fs::read(file).map_err(|source| PrepareError::Read {
+        let bytes = std::fs::read(file).map_err(|problem| PrepareError::Read {
             file: file.clone(),
-            source,
+            problem,
         })?;
         key = Key::of(&(key, file.file_name(), bytes));
     }

@@ -21,6 +21,12 @@ use std::path::{Path, PathBuf};
 const SCHEMA: u32 = 1;
 const SURFACE_SCHEMA: u32 = 2;
 const METADATA_KEY: &str = "spba_prior";
+/// Of the mean shape's bounding box: antennas and mirrors stand out of the box whose diagonal is 1, and means of many shapes are smooth.
+const DIAGONAL: std::ops::RangeInclusive<f64> = 0.9..=1.12;
+/// Of that box's centre.
+const MOST_OFF_CENTRE: f64 = 0.1;
+/// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
+const MOST_MOVED: f64 = 1.0;
 /// Priors that ship inside the library.
 const BUNDLED: [(&str, &[u8]); 3] = [
     ("car", include_bytes!("../../data/priors/car.safetensors")),
@@ -120,18 +126,10 @@ pub enum Symmetry {
 /// Why a prior file cannot be used or written; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum PriorError {
-    #[error("{}: cannot read the prior: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
-    #[error("{}: cannot write the prior: {source}", path.display())]
-    Write {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
+    #[error("{}: cannot read the prior: {problem}", path.display())]
+    Read { path: PathBuf, problem: std::io::Error },
+    #[error("{}: cannot write the prior: {problem}", path.display())]
+    Write { path: PathBuf, problem: std::io::Error },
     #[error(
         "prior `{name}` is neither bundled ({bundled}) nor a file: give one of those names or a path to a .safetensors file"
     )]
@@ -150,11 +148,15 @@ pub enum PriorError {
         tensor: String,
         reason: String,
     },
-    #[error("{}: {source}: learn the prior again", path.display())]
-    Invalid {
+    #[error("{}: {problem}: learn the prior again", path.display())]
+    Invalid { path: PathBuf, problem: InvalidPrior },
+    #[error("{}: the mean shape's {what} is {found:.3}, {expected} expected, as shapes are in diagonals of their box about its centre: \
+             scale or move it, or learn the prior again", path.display())]
+    Unit {
         path: PathBuf,
-        #[source]
-        source: InvalidPrior,
+        what: &'static str,
+        found: f64,
+        expected: &'static str,
     },
     #[error("the prior is not symmetric in x = 0 at point {0}, though its description says so")]
     NotSymmetric(usize),
@@ -187,9 +189,9 @@ pub fn open(name_or_path: &str) -> Result<(LearnedPrior, PriorInfo), PriorError>
 }
 
 fn open_file(path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorError> {
-    let bytes = std::fs::read(path).map_err(|source| PriorError::Read {
+    let bytes = std::fs::read(path).map_err(|problem| PriorError::Read {
         path: path.to_owned(),
-        source,
+        problem,
     })?;
     parse(&bytes, path)
 }
@@ -200,9 +202,9 @@ pub fn save(path: &Path, prior: &LearnedPrior, info: &PriorInfo) -> Result<(), P
         Some(found) => surface::to_bytes(found, info)?,
         None => to_bytes(prior, info)?,
     };
-    crate::files::write_whole(path, &bytes).map_err(|source| PriorError::Write {
+    crate::files::write_whole(path, &bytes).map_err(|problem| PriorError::Write {
         path: path.to_owned(),
-        source,
+        problem,
     })
 }
 
@@ -331,7 +333,9 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorEr
         });
         width = outputs;
     }
-    let features = info.styles + info.hidden.last().copied().unwrap_or(0);
+    let features = info
+        .styles
+        .saturating_add(info.hidden.last().copied().unwrap_or(0));
     let mean = tensor("mean", &[count, 3], Dtype::F32)?;
     let modes = tensor("basis", &[features, count, 3], Dtype::F16)?;
     let normals = tensor("normals", &[count, 3], Dtype::F16)?;
@@ -357,11 +361,61 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorEr
         .collect();
     let prior = LinearPrior::new(mean, basis, features, normals)
         .and_then(|output| LearnedPrior::new(info.styles, hidden, output))
-        .map_err(|source| PriorError::Invalid {
+        .map_err(|problem| PriorError::Invalid {
             path: path.to_owned(),
-            source,
+            problem,
         })?;
+    check_unit(prior.output(), path)?;
     Ok((prior, info))
+}
+
+/// Refuses shapes in another unit than their diagonal, or about another origin than their centre: whatever takes a prior counts on both.
+fn check_unit(output: &LinearPrior, path: &Path) -> Result<(), PriorError> {
+    let along = |axis: usize| {
+        let coordinates = output.mean().iter().skip(axis).step_by(3);
+        coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
+            (low.min(x), high.max(x))
+        })
+    };
+    let sides = [along(0), along(1), along(2)];
+    let length = |of: fn(&(f64, f64)) -> f64| sides.iter().map(of).map(|x| x * x).sum::<f64>().sqrt();
+    let farthest_moved = output.basis().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    for (what, found, within, expected) in [
+        (
+            "diagonal",
+            length(|(low, high)| high - low),
+            DIAGONAL,
+            "0.9 to 1.12",
+        ),
+        (
+            "centre's distance from the origin",
+            length(|(low, high)| (low + high) / 2.0),
+            0.0..=MOST_OFF_CENTRE,
+            "0",
+        ),
+        (
+            "largest change by one standard deviation of a style",
+            farthest_moved,
+            0.0..=MOST_MOVED,
+            "less than 1",
+        ),
+    ] {
+        if !within.contains(&found) {
+            return Err(PriorError::Unit {
+                path: path.to_owned(),
+                what,
+                found,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Reads a file's bytes, for the targets in `fuzz/`.
+#[cfg(fuzzing)]
+pub fn fuzz(data: &[u8]) {
+    let _ = parse(data, Path::new("a.safetensors"));
 }
 
 /// The version is looked at before the rest, so that a newer file is called newer and not broken.

@@ -203,7 +203,9 @@ pub(super) mod tests {
             weight: DMatrix::from_fn(rows, columns, |r, c| number(offset + r * columns + c)),
             bias: DVector::from_fn(rows, |r, _| number(offset + 50 + r)),
         };
-        let mean = vec![0.5, 0.0, 0.25, -0.5, 0.0, 0.25, 0.5, 0.5, 0.0, -0.5, 0.5, 0.0];
+        let mean = vec![
+            0.4375, -0.25, 0.125, -0.4375, -0.25, 0.125, 0.4375, 0.25, -0.125, -0.4375, 0.25, -0.125,
+        ];
         let features = 4;
         let mut basis: Vec<f64> = (0..12 * features).map(number).collect();
         for pair in basis.chunks_exact_mut(6 * features) {

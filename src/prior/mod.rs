@@ -16,6 +16,8 @@ mod surface_sheet;
 pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub use field::{FieldModes, FieldScale, field_modes};
 pub(crate) use file::bundled;
+#[cfg(fuzzing)]
+pub use file::fuzz;
 pub use file::{
     FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save,
 };

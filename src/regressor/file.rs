@@ -50,18 +50,10 @@ impl RegressorInfo {
 /// Why there is no style; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum RegressorError {
-    #[error("{}: cannot read the regressor: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
-    #[error("{}: cannot write the regressor: {source}", path.display())]
-    Write {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
+    #[error("{}: cannot read the regressor: {problem}", path.display())]
+    Read { path: PathBuf, problem: std::io::Error },
+    #[error("{}: cannot write the regressor: {problem}", path.display())]
+    Write { path: PathBuf, problem: std::io::Error },
     #[error("{}: not a whole safetensors file ({reason}): train it again", path.display())]
     NotSafetensors { path: PathBuf, reason: String },
     #[error("{}: not a regressor (metadata `{METADATA_KEY}` {reason}): make one with `spba-ceres regressor train`", path.display())]
@@ -135,17 +127,17 @@ pub fn save(path: &Path, regressor: &Regressor) -> Result<(), RegressorError> {
     let json = serde_json::to_string(&regressor.info).map_err(|e| impossible(e.to_string()))?;
     let about = Some([(METADATA_KEY.to_owned(), json)].into());
     let bytes = serialize(views, about).map_err(|e| impossible(e.to_string()))?;
-    crate::files::write_whole(path, &bytes).map_err(|source| RegressorError::Write {
+    crate::files::write_whole(path, &bytes).map_err(|problem| RegressorError::Write {
         path: path.to_owned(),
-        source,
+        problem,
     })
 }
 
 /// Reads and checks a regressor file.
 pub fn load(path: &Path) -> Result<Regressor, RegressorError> {
-    let bytes = std::fs::read(path).map_err(|source| RegressorError::Read {
+    let bytes = std::fs::read(path).map_err(|problem| RegressorError::Read {
         path: path.to_owned(),
-        source,
+        problem,
     })?;
     parse(&bytes, path)
 }

@@ -5,7 +5,7 @@ use crate::cad::orbit;
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use crate::image::Grid;
 use crate::init::Estimate;
-use crate::sequence::{Frame, Sequence, Truth};
+use crate::sequence::{Frame, Sequence, SequenceContent, Truth};
 use crate::solver::{Evaluations, HypothesisOutcome, ObjectiveValue, Solution, Termination, TraceRow};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -98,7 +98,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
             depth_deviation: None,
         }
     });
-    let sequence = Sequence {
+    let sequence = Sequence::new(SequenceContent {
         name: "box car".into(),
         frames: frames.collect(),
         motion_deviation: None,
@@ -112,7 +112,8 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
                 .map(|p| p.map(|c| c as f32).into())
                 .collect(),
         }),
-    };
+    })
+    .unwrap();
     let objective = |total| ObjectiveValue {
         total,
         silhouette: total,

@@ -1,46 +1,36 @@
-//! A folder that appears complete or not at all.
+//! The folder that a result is written to, and the names in it.
 
 use super::ReportError;
+use crate::files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Refuses an `out` that exists: call it before the work, so that no solve is lost.
+/// Refuses an `out` that exists: call it before the work, so that no solve is lost. What a killed run left of it is removed.
 pub fn check_out(out: &Path) -> Result<(), ReportError> {
+    files::Staging::remove_stale(out);
     match out.symlink_metadata() {
         Ok(_) => Err(ReportError::OutputExists { path: out.to_owned() }),
         Err(_) => Ok(()),
     }
 }
 
-/// A hidden sibling of `out`, removed on drop unless published.
+/// A result folder in the making.
 pub(super) struct Staging {
-    // Its folder inside has the user's default permissions, which a temporary folder has not.
-    shelter: tempfile::TempDir,
+    staging: files::Staging,
     out: PathBuf,
 }
 
 impl Staging {
     pub(super) fn beside(out: &Path) -> Result<Self, ReportError> {
         check_out(out)?;
-        let parent = match out.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        std::fs::create_dir_all(parent).map_err(ReportError::io(parent))?;
-        let shelter = tempfile::Builder::new()
-            .prefix(".spba-ceres-")
-            .tempdir_in(parent)
-            .map_err(ReportError::io(parent))?;
-        let staging = Self {
-            shelter,
+        Ok(Self {
+            staging: files::Staging::beside(out).map_err(ReportError::io(out))?,
             out: out.to_owned(),
-        };
-        std::fs::create_dir(staging.path()).map_err(ReportError::io(out))?;
-        Ok(staging)
+        })
     }
 
     pub(super) fn path(&self) -> PathBuf {
-        self.shelter.path().join("result")
+        self.staging.path().to_owned()
     }
 
     /// Creates a folder inside.
@@ -57,8 +47,7 @@ impl Staging {
 
     /// Renames the folder to `out`.
     pub(super) fn publish(self) -> Result<(), ReportError> {
-        check_out(&self.out)?;
-        std::fs::rename(self.path(), &self.out).map_err(ReportError::io(&self.out))
+        self.staging.publish().map_err(ReportError::io(&self.out))
     }
 }
 
@@ -104,25 +93,5 @@ mod tests {
     fn stems_are_safe_and_distinct() {
         let stems = file_stems(["a.JPG", "left/a.jpg", "a.png", "00.5", "../x", "left_a"]);
         assert_eq!(stems, ["a", "left_a", "a-2", "00.5", ".._x", "left_a-5"]);
-    }
-
-    #[test]
-    fn nothing_is_left_unless_published() {
-        let home = tempfile::tempdir().unwrap();
-        let out = home.path().join("deep/out");
-        let staging = Staging::beside(&out).unwrap();
-        staging.text("a.txt", "a").unwrap();
-        drop(staging);
-        assert_eq!(std::fs::read_dir(home.path().join("deep")).unwrap().count(), 0);
-
-        let staging = Staging::beside(&out).unwrap();
-        staging.text("a.txt", "a").unwrap();
-        staging.publish().unwrap();
-        assert_eq!(std::fs::read_to_string(out.join("a.txt")).unwrap(), "a");
-        assert!(matches!(
-            Staging::beside(&out),
-            Err(ReportError::OutputExists { .. })
-        ));
-        assert_eq!(std::fs::read_dir(home.path().join("deep")).unwrap().count(), 1);
     }
 }

@@ -11,7 +11,6 @@ mod facets;
 mod folder;
 mod glb;
 mod lettering;
-mod memory;
 mod nearest;
 mod overlap;
 mod overlay;
@@ -28,9 +27,9 @@ mod write;
 #[cfg(test)]
 pub(crate) mod fixture;
 
+pub use crate::memory::{forget_peak_memory, peak_memory_mb};
 pub use doubts::{Doubts, doubts};
 pub use folder::{check_out, file_stems};
-pub use memory::{forget_peak_memory, peak_memory_mb};
 pub(crate) use nearest::Neighbours;
 pub use overlap::{density, silhouette_iou};
 pub use ply::read_shape;
@@ -46,8 +45,9 @@ use std::path::{Path, PathBuf};
 pub enum ReportError {
     #[error("{}: exists already; name another --out or remove it", path.display())]
     OutputExists { path: PathBuf },
-    #[error("{}: {source}", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
+    // Not `source`: the message has it already, and whoever prints the chain would print it twice.
+    #[error("{}: {problem}; check the path, the free space and the permissions", path.display())]
+    Io { path: PathBuf, problem: std::io::Error },
     #[error(transparent)]
     Image(#[from] crate::image::ImageError),
     #[error("{}: {message}", path.display())]
@@ -58,15 +58,21 @@ pub enum ReportError {
     FrameCount { frames: usize, poses: usize },
     #[error("the shape has no points; nothing was written")]
     EmptyShape,
-    #[error("alpha is {alpha}, which is no scale (it must be positive); nothing was written")]
+    #[error(
+        "alpha is {alpha:e}, which is no scale (1e-9 to 1e9 are); nothing was written: check the input's poses and depth"
+    )]
     NoScale { alpha: f64 },
+    #[error(
+        "the camera of frame {frame} is {away:e} diagonals away; nothing was written: check the input's poses and masks"
+    )]
+    FarAway { frame: String, away: f64 },
 }
 
 impl ReportError {
     fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        |source| Self::Io {
+        |problem| Self::Io {
             path: path.to_owned(),
-            source,
+            problem,
         }
     }
 

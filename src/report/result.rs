@@ -1,6 +1,7 @@
 //! `result.json`: what a solve found, in numbers (schema 1).
 
 use super::ReportError;
+use super::write::{FARTHEST, SCALES};
 use crate::geometry::{Matrix3, Pose, Rotation3, Similarity, Vector3};
 use crate::solver::{Evaluations, HypothesisOutcome, ObjectiveValue, Termination};
 use serde::{Deserialize, Serialize};
@@ -41,6 +42,9 @@ pub struct RunResult {
     pub objective: ObjectiveSpan,
     pub silhouette_iou_mean: f64,
     pub density_mean: f64,
+    /// Names of the frames whose masks were decided anew where the shape did not explain them.
+    #[serde(default)]
+    pub masks_anew: Vec<String>,
     pub evaluations: Evaluations,
     pub iterations: usize,
     pub termination: Termination,
@@ -127,7 +131,7 @@ impl RunResult {
     /// Reads `result.json` of a result folder.
     pub fn load(folder: &Path) -> Result<Self, ReportError> {
         let path = folder.join("result.json");
-        let text = std::fs::read_to_string(&path).map_err(ReportError::io(&path))?;
+        let text = crate::files::read_text(&path).map_err(ReportError::io(&path))?;
         let value: serde_json::Value =
             serde_json::from_str(&text).map_err(|error| ReportError::format(&path, error))?;
         if value.get("schema") != Some(&SCHEMA.into()) {
@@ -140,10 +144,41 @@ impl RunResult {
         let result: Self =
             serde_json::from_value(value).map_err(|error| ReportError::format(&path, error))?;
         match result.frames.iter().find(|f| f.camera_from_object().is_none()) {
-            None => Ok(result),
+            None => result.check(&path).map(|()| result),
             Some(frame) => {
                 let message = format!("frames[{}].rotation is not a rotation; solve again", frame.name);
                 Err(ReportError::format(&path, message))
+            }
+        }
+    }
+
+    /// Refuses numbers that no solve gives: whoever edits a result or makes one is to know.
+    fn check(&self, path: &Path) -> Result<(), ReportError> {
+        let mut numbers = vec![
+            ("alpha".to_owned(), self.alpha.unwrap_or(1.0), SCALES),
+            ("focal_factor".to_owned(), self.focal_factor, 0.05..=20.0),
+        ];
+        for (index, &style) in self.style.iter().enumerate() {
+            numbers.push((format!("style[{index}]"), style, -1e3..=1e3));
+        }
+        for frame in &self.frames {
+            for &value in &frame.translation {
+                numbers.push((
+                    format!("frames[{}].translation", frame.name),
+                    value,
+                    -FARTHEST..=FARTHEST,
+                ));
+            }
+        }
+        match numbers
+            .into_iter()
+            .find(|(_, value, within)| !within.contains(value))
+        {
+            None => Ok(()),
+            Some((field, value, within)) => {
+                let (least, most) = within.into_inner();
+                let message = format!("{field} is {value:e}, {least:e} to {most:e} expected; solve again");
+                Err(ReportError::format(path, message))
             }
         }
     }

@@ -35,15 +35,23 @@ mod tests {
     use super::*;
     use crate::report::Surface;
     use crate::report::fixture::{box_car, solved};
+    use crate::sequence::Frame;
 
     #[test]
     fn every_frame_is_on_the_sheet() {
         let (four, _) = solved(&Surface::from_points(box_car(50)), 4);
         // The same four over and over, as the sheet's window depends on the masks.
-        let eighteen = Sequence {
-            frames: four.frames.iter().cycle().take(18).cloned().collect(),
-            ..four.clone()
-        };
+        let eighteen = four.clone().edited(|content| {
+            let frames = four.frames.iter().cycle().enumerate().take(18);
+            content.frames = frames
+                .map(|(index, frame)| Frame {
+                    name: index.to_string(),
+                    ..frame.clone()
+                })
+                .collect();
+            content.truth = None;
+        });
+        let eighteen = eighteen.unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("review.png");
         let size = |sequence: &Sequence| {

@@ -167,15 +167,16 @@ mod tests {
 
     #[test]
     fn the_window_holds_every_mask_with_a_margin() {
-        let (mut sequence, _) = solved(&Surface::from_points(box_car(50)), 2);
-        for (frame, left) in sequence.frames.iter_mut().zip([100, 130]) {
+        let (sequence, _) = solved(&Surface::from_points(box_car(50)), 2);
+        let mut frames = sequence.into_content().frames;
+        for (frame, left) in frames.iter_mut().zip([100, 130]) {
             let (width, height) = frame.mask.size();
             frame.mask = crate::image::Grid::from_fn(width, height, |column, row| {
                 (left..left + 20).contains(&column) && (4..64).contains(&row)
             });
         }
         // The box is 50 × 60 pixels, the margin 7.
-        assert_eq!(window(&sequence.frames), [93, 0, 157, 71]);
+        assert_eq!(window(&frames), [93, 0, 157, 71]);
         assert_eq!(window(&[]), [0, 0, u32::MAX, u32::MAX]);
     }
 }

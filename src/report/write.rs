@@ -7,8 +7,9 @@ use super::sheet::Sheet;
 use super::texture::{Texture, TextureGatherer};
 use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, trajectory};
+use crate::files::write_whole;
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
-use crate::image::write_depth;
+use crate::image::{write_depth, write_mask};
 use crate::init::Estimate;
 use crate::sequence::Sequence;
 use crate::solver::Solution;
@@ -25,6 +26,8 @@ pub struct ReportInput<'a> {
     pub input: &'a str,
     /// The shape prior's name and version.
     pub prior: &'a str,
+    /// Names of the frames whose masks were decided anew; these are written as well.
+    pub masks_anew: &'a [String],
     /// The effective configuration, TOML.
     pub config: &'a str,
     /// [`peak_memory_mb`](super::peak_memory_mb) at the end of the solve.
@@ -40,6 +43,11 @@ pub struct Written {
     pub result: RunResult,
 }
 
+/// What an input's units may be in diagonals of the object: far more than any, and far less than what a diverged solve gives.
+pub(super) const SCALES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+/// Diagonals; an orthographic camera may be passed off as one that is far away.
+pub(super) const FARTHEST: f64 = 1e9;
+
 /// Frames on a result's contact sheet.
 const SHOWN: usize = 16;
 
@@ -51,6 +59,10 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let object_from_input = object_from_input(sequence, estimate);
     let staging = Staging::beside(out)?;
     let (depth_folder, overlay_folder) = (staging.folder("depth")?, staging.folder("overlay")?);
+    let mask_folder = match input.masks_anew {
+        [] => None,
+        _ => Some(staging.folder("masks")?),
+    };
 
     let stems = file_stems(sequence.frames.iter().map(|frame| frame.name.as_str()));
     let mut gatherer = ColourGatherer::new(input.surface.points().len());
@@ -70,6 +82,11 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
         gatherer.add(frame, pose, input.surface, &view);
         if let Some(texture) = &mut texture {
             texture.add(frame, pose, &view, input.surface.spacing());
+        }
+        if let Some(folder) = &mask_folder
+            && input.masks_anew.contains(&frame.name)
+        {
+            write_mask(&frame.mask, &folder.join(format!("{stem}.png")))?;
         }
         colmap.add(&frame.name, &frame.camera, pose, input.surface, &view);
         write_depth(&view.depth, &depth_folder.join(format!("{stem}.exr")))?;
@@ -129,7 +146,7 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
         });
     }
     let scaled = frames.iter().any(|frame| frame.camera_from_input.is_some());
-    if scaled && !(estimate.alpha > 0.0 && estimate.alpha.is_finite()) {
+    if scaled && !SCALES.contains(&estimate.alpha) {
         return Err(ReportError::NoScale {
             alpha: estimate.alpha,
         });
@@ -147,6 +164,12 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
         if !finite {
             return Err(ReportError::NotFinite {
                 field: format!("the pose of frame {}", frame.name),
+            });
+        }
+        if pose.translation.norm() > FARTHEST {
+            return Err(ReportError::FarAway {
+                frame: frame.name.clone(),
+                away: pose.translation.norm(),
             });
         }
     }
@@ -270,6 +293,7 @@ fn summarise(
         },
         silhouette_iou_mean: mean(|frame| frame.silhouette_iou),
         density_mean: mean(|frame| frame.density),
+        masks_anew: input.masks_anew.to_vec(),
         frames,
         evaluations: solution.evaluations,
         iterations: solution.iterations,
@@ -281,9 +305,11 @@ fn summarise(
 }
 
 pub(super) fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {
+    let mut png = std::io::Cursor::new(Vec::new());
     picture
-        .save_with_format(path, image::ImageFormat::Png)
-        .map_err(|error| ReportError::format(path, error))
+        .write_to(&mut png, image::ImageFormat::Png)
+        .map_err(|error| ReportError::format(path, error))?;
+    write_whole(path, &png.into_inner()).map_err(ReportError::io(path))
 }
 
 #[cfg(test)]
@@ -292,6 +318,7 @@ mod tests {
     use crate::image::read_depth;
     use crate::report::fixture::{box_car, solved};
     use crate::report::read_shape;
+    use crate::sequence::SequenceContent;
 
     fn input<'a>(sequence: &'a Sequence, solution: &'a Solution, surface: &'a Surface) -> ReportInput<'a> {
         ReportInput {
@@ -300,6 +327,7 @@ mod tests {
             surface,
             input: "data/box",
             prior: "box 1",
+            masks_anew: &[],
             config: "[solver]\n",
             peak_memory_mb: Some(12.5),
         }
@@ -390,7 +418,7 @@ mod tests {
             keys.sort();
             keys
         };
-        let top = "alpha canonical_from_shape density_mean evaluations focal_factor frames free_form hypotheses input iterations object_from_input objective \
+        let top = "alpha canonical_from_shape density_mean evaluations focal_factor frames free_form hypotheses input iterations masks_anew object_from_input objective \
                    peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
         assert_eq!(keys(&json).join(" "), top);
         let frame = "center density name rotation silhouette_iou translation";
@@ -424,7 +452,7 @@ mod tests {
     #[test]
     fn what_is_not_finite_leaves_nothing_behind() {
         let surface = Surface::from_points(box_car(300));
-        let (mut sequence, solution) = solved(&surface, 2);
+        let (sequence, solution) = solved(&surface, 2);
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("out");
         let refused = |sequence: &Sequence, change: fn(&mut Solution), field: &str| {
@@ -438,6 +466,12 @@ mod tests {
         };
         refused(&sequence, |s| s.estimate.style[0] = f64::NAN, "style");
         refused(&sequence, |s| s.estimate.alpha = 0.0, "alpha");
+        refused(&sequence, |s| s.estimate.alpha = 1e177, "alpha is 1e177");
+        refused(
+            &sequence,
+            |s| s.estimate.camera_from_object[1].translation.z = 1e30,
+            "the camera of frame frame_001.png is 1e30 diagonals away",
+        );
         refused(
             &sequence,
             |s| s.estimate.camera_from_object[0].translation.x = f64::INFINITY,
@@ -448,8 +482,15 @@ mod tests {
             |s| s.hypotheses[0].objective_end = f64::NAN,
             "hypotheses[0]",
         );
-        sequence.frames.pop();
-        refused(&sequence, |_| (), "2 camera poses for 1 frames");
+        let without_last = |content: &mut SequenceContent| {
+            content.frames.pop();
+            content.truth = None;
+        };
+        refused(
+            &sequence.clone().edited(without_last).unwrap(),
+            |_| (),
+            "2 camera poses for 1 frames",
+        );
     }
 
     #[test]

@@ -1,14 +1,15 @@
 //! Draft → pixels: reads every file of a frame, checks sizes and content, undistorts, and collects all faults.
 
 use super::Frame;
-use super::depth::read_off_the_shelf_depth;
+use super::depth::{DepthOrigin, clear_unusable, read_off_the_shelf_depth};
 use super::distortion::Distortion;
-use super::draft::{DepthSource, FrameDraft};
+use super::draft::FrameDraft;
 use super::error::SequenceError;
 use super::undistort::distorted_from_pinhole;
 use crate::geometry::Pose;
 use crate::image::{
-    DepthMap, Grid, ImageError, Mask, RgbImage, read_depth, read_deviation, read_mask, read_rgb,
+    DepthMap, Grid, ImageError, Mask, PictureFile, RgbImage, Turn, mask_of_pixels, read_depth,
+    read_deviation, rgb,
 };
 use std::path::Path;
 
@@ -18,7 +19,10 @@ pub(super) struct Parts {
     pub image: Option<RgbImage>,
     pub mask: Option<Mask>,
     pub depth: Option<DepthMap>,
+    pub depth_origin: DepthOrigin,
     pub depth_deviation: Option<Grid<f32>>,
+    /// What the image's file says of turning it, where it was not done: structure from motion takes pixels as they are stored.
+    pub left_unturned: Turn,
     /// `camera_from_object` and z in object units.
     pub truth: Option<(Pose, DepthMap)>,
     pub notes: Vec<String>,
@@ -85,7 +89,9 @@ pub(super) fn assemble(draft: FrameDraft) -> Parts {
         image: None,
         mask: None,
         depth: None,
+        depth_origin: DepthOrigin::None,
         depth_deviation: None,
+        left_unturned: Turn::default(),
         truth: None,
         notes: Vec::new(),
         problems: Vec::new(),
@@ -100,8 +106,15 @@ pub(super) fn assemble(draft: FrameDraft) -> Parts {
 }
 
 fn read_image(parts: &mut Parts) -> Option<RgbImage> {
-    let outcome = read_rgb(&parts.draft.image);
-    let image = parts.read("image", outcome)?;
+    let outcome = PictureFile::read(&parts.draft.image);
+    let picture = parts.read("image", outcome)?;
+    let stored = (picture.pixels.width() as usize, picture.pixels.height() as usize);
+    let image = if parts.draft.calibrated_size == Some(stored) {
+        parts.left_unturned = picture.turn;
+        rgb(picture.pixels)
+    } else {
+        rgb(picture.upright())
+    };
     match parts.draft.calibrated_size {
         Some(expected) if expected != image.size() => {
             parts.problems.push(SequenceError::Size {
@@ -122,27 +135,42 @@ fn read_image(parts: &mut Parts) -> Option<RgbImage> {
 
 fn read_object_mask(parts: &mut Parts) -> Option<Mask> {
     let file = parts.draft.mask.clone();
-    let mask = parts.read("mask", read_mask(&file))?;
-    let mask = parts.of_image_size(mask, &file, "mask")?;
-    if mask.data().contains(&true) {
-        Some(mask)
+    let picture = parts.read("mask", PictureFile::read(&file))?;
+    // A tool that copied the image's EXIF data to the mask made it as the image is stored.
+    let pixels = if picture.turn == parts.left_unturned {
+        picture.pixels
     } else {
+        picture.upright()
+    };
+    let mask = parts.keep(mask_of_pixels(pixels, &file))?;
+    let mask = parts.of_image_size(mask, &file, "mask")?;
+    if !mask.data().contains(&true) {
         parts.problems.push(SequenceError::EmptyMask(file));
-        None
+        return None;
+    }
+    match mask.covers_all() {
+        None => Some(mask),
+        Some(problem) => {
+            parts.problems.push(ImageError::Mask { file, problem }.into());
+            None
+        }
     }
 }
 
 fn read_depth_deviation(parts: &mut Parts) -> Option<Grid<f32>> {
     let file = parts.draft.depth_deviation.clone()?;
     let deviation = parts.read("deviation of the depth", read_deviation(&file))?;
-    parts.of_image_size(deviation, &file, "deviation of the depth")
+    let mut deviation = parts.of_image_size(deviation, &file, "deviation of the depth")?;
+    clear_unusable(&mut deviation);
+    Some(deviation)
 }
 
 fn read_truth(parts: &mut Parts) -> Option<(Pose, DepthMap)> {
     let truth = parts.draft.truth.as_ref()?;
     let (pose, file) = (truth.camera_from_object, truth.depth.clone());
     let depth = parts.read("true depth", read_depth(&file))?;
-    let depth = parts.of_image_size(depth, &file, "true depth")?;
+    let mut depth = parts.of_image_size(depth, &file, "true depth")?;
+    clear_unusable(&mut depth);
     Some((pose, depth))
 }
 
@@ -168,20 +196,34 @@ fn undistort(parts: &mut Parts) {
         .map(|mask| map.mask(mask))
         .transpose()
         .map_err(refused);
-    let depth = match (&parts.depth, &parts.draft.depth) {
+    let depth = match &parts.depth {
         // Points were projected through the pinhole already.
-        (Some(depth), source) if !matches!(source, DepthSource::Points(_)) => {
+        Some(depth) if parts.depth_origin == DepthOrigin::Dense => {
             map.depth(depth).map(Some).map_err(refused)
         }
         _ => Ok(parts.depth.take()),
     };
+    let object = |mask: &Mask| mask.data().iter().filter(|&&inside| inside).count();
+    let object_before = parts.mask.as_ref().map_or(0, object);
     let cut_before = parts.mask.as_ref().is_some_and(|mask| mask.border_count() > 0);
     parts.image = parts.keep(image).flatten();
     parts.mask = parts.keep(mask).flatten();
     parts.depth = parts.keep(depth).flatten();
     // Without OpenCV all three fail for one reason.
     parts.problems.dedup_by_key(|problem| problem.to_string());
-    if !cut_before && parts.mask.as_ref().is_some_and(|mask| mask.border_count() > 0) {
+    let Some(mask) = &parts.mask else { return };
+    if object(mask) == 0 {
+        let file = parts.draft.declared_in.clone();
+        parts.problems.push(SequenceError::Undistort {
+            file,
+            reason: format!(
+                "its lens coefficients put none of the {object_before} pixels of the object of frame `{}` into the \
+                 undistorted image; calibrate again",
+                parts.draft.name
+            ),
+        });
+        parts.mask = None;
+    } else if !cut_before && mask.border_count() > 0 {
         let name = &parts.draft.name;
         parts.notes.push(format!(
             "frame {name}: undistortion moves part of the object out of the image"

@@ -1,43 +1,186 @@
 //! Off-the-shelf depth of one frame, from whichever source its reader found, on the image's pixels.
 
 use super::assemble::Parts;
-use super::draft::DepthSource;
-use super::{colmap, openmvs};
+use super::draft::DenseDepth;
+use super::{SequenceError, colmap, openmvs};
 use crate::geometry::{Pinhole, Vector3};
-use crate::image::{DepthMap, Grid, read_depth};
+use crate::image::{DepthMap, Grid, Mask, read_depth};
 use std::path::Path;
 
+/// A depth so many times larger or smaller than the object's own is none: some tools write 10¹⁰ where they see nothing.
+const OUT_OF_PROPORTION: f32 = 1e3;
+/// Dense depth is of another model than sparse points whose depth it differs from by more than this factor.
+const ANOTHER_MODEL: f64 = 2.0;
+/// Pixels with both that tell.
+const TELLING: usize = 30;
+
+/// What a frame's depth was made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum DepthOrigin {
+    None,
+    Dense,
+    Points,
+    /// Points, since the dense depth holds nothing on the object.
+    PointsForEmpty,
+    /// Nothing, since the dense depth holds nothing on the object, and there are no points.
+    Empty,
+}
+
 pub(super) fn read_off_the_shelf_depth(parts: &mut Parts) -> Option<DepthMap> {
-    let mut depth = match &parts.draft.depth {
-        DepthSource::None => return None,
-        DepthSource::Exr(file) => {
+    let sparse = match (parts.draft.points.is_empty(), parts.size()) {
+        (false, Some(size)) => Some(splat(&parts.draft.points, &parts.draft.camera, size)),
+        _ => None,
+    };
+    let (depth, origin) = if parts.draft.depth.is_none() {
+        let origin = match parts.draft.points.is_empty() {
+            true => DepthOrigin::None,
+            false => DepthOrigin::Points,
+        };
+        (sparse, origin)
+    } else {
+        let mut dense = read_dense(parts)?;
+        let unusable = clear_unusable(&mut dense);
+        // Other tools mark invalid pixels in ways of their own, so there is nothing to note.
+        if unusable > 0 && matches!(parts.draft.depth, Some(DenseDepth::Exr(_))) {
+            let name = &parts.draft.name;
+            parts.notes.push(format!(
+                "frame {name}: {unusable} depth values are negative or not finite; taken as unknown"
+            ));
+        }
+        let is_empty = parts
+            .mask
+            .as_ref()
+            .is_some_and(|mask| on_object(&dense, mask).next().is_none());
+        match (is_empty, sparse) {
+            (false, _) => (Some(dense), DepthOrigin::Dense),
+            (true, Some(sparse)) => (Some(sparse), DepthOrigin::PointsForEmpty),
+            (true, None) => (None, DepthOrigin::Empty),
+        }
+    };
+    parts.depth_origin = origin;
+    depth
+}
+
+fn read_dense(parts: &mut Parts) -> Option<DepthMap> {
+    match parts.draft.depth.as_ref()? {
+        DenseDepth::Exr(file) => {
             let file = file.clone();
             let depth = parts.read("depth map", read_depth(&file))?;
-            let mut depth = parts.of_image_size(depth, &file, "depth map")?;
-            let unusable = clear_unusable(&mut depth);
-            if unusable > 0 {
-                let name = &parts.draft.name;
-                parts.notes.push(format!(
-                    "frame {name}: {unusable} depth values are negative or not finite; taken as unknown"
-                ));
-            }
-            depth
+            parts.of_image_size(depth, &file, "depth map")
         }
-        // Tools mark invalid pixels in ways of their own, so there is nothing to note.
-        DepthSource::ColmapMap(file) => {
+        DenseDepth::ColmapMap(file) => {
             let file = file.clone();
             let depth = parts.keep(colmap::depth_map::read(&file))?;
-            to_image_size(parts, depth, &file)?
+            to_image_size(parts, depth, &file)
         }
-        DepthSource::OpenMvsMap(file) => {
+        DenseDepth::OpenMvsMap(file) => {
             let file = file.clone();
             let depth = parts.keep(openmvs::depth_map::read(&file))?.depth;
-            to_image_size(parts, depth, &file)?
+            to_image_size(parts, depth, &file)
         }
-        DepthSource::Points(points) => return Some(splat(points, &parts.draft.camera, parts.size()?)),
+    }
+}
+
+/// The known depths on the object.
+fn on_object<'a>(depth: &'a DepthMap, mask: &'a Mask) -> impl Iterator<Item = f32> + 'a {
+    let pixels = depth.data().iter().zip(mask.data());
+    pixels.filter(|&(&z, &inside)| inside && z > 0.0).map(|(&z, _)| z)
+}
+
+/// What the depths of all frames say together: leaves out what is out of proportion, and holds dense depth against sparse points.
+pub(super) fn check_together(frames: &mut [Parts], notes: &mut Vec<String>) -> Result<(), SequenceError> {
+    note_origins(frames, notes);
+    let mut known: Vec<f32> = frames
+        .iter()
+        .filter_map(|parts| Some((parts.depth.as_ref()?, parts.mask.as_ref()?)))
+        .flat_map(|(depth, mask)| on_object(depth, mask))
+        .collect();
+    let Some(usual) = median(&mut known) else {
+        return Ok(());
     };
-    clear_unusable(&mut depth);
-    Some(depth)
+    let mut left_out = 0;
+    for depth in frames.iter_mut().filter_map(|parts| parts.depth.as_mut()) {
+        for z in depth.data_mut() {
+            if *z > 0.0 && !(usual / OUT_OF_PROPORTION..=usual * OUT_OF_PROPORTION).contains(z) {
+                *z = 0.0;
+                left_out += 1;
+            }
+        }
+    }
+    if left_out > 0 {
+        notes.push(format!(
+            "{left_out} depth values are more than {OUT_OF_PROPORTION} times larger or smaller than the object's ({usual:.3}); \
+             taken as unknown"
+        ));
+    }
+    hold_against_points(frames)
+}
+
+/// Says where frames have their depth from, unless it is as planned.
+fn note_origins(frames: &[Parts], notes: &mut Vec<String>) {
+    let count = |origin| frames.iter().filter(|parts| parts.depth_origin == origin).count();
+    for (origin, what) in [
+        (
+            DepthOrigin::Points,
+            "have no dense depth; the sparse points that each observes serve as semi-dense depth",
+        ),
+        (
+            DepthOrigin::PointsForEmpty,
+            "have dense depth that is empty on the object; the sparse points that each observes serve as semi-dense depth",
+        ),
+        (
+            DepthOrigin::Empty,
+            "have dense depth that is empty on the object, and no points: no depth at all",
+        ),
+    ] {
+        if count(origin) > 0 {
+            notes.push(format!("{} frames {what}", count(origin)));
+        }
+    }
+}
+
+/// Fails where dense depth and sparse points differ in scale: they are of different models.
+fn hold_against_points(frames: &[Parts]) -> Result<(), SequenceError> {
+    let mut ratios = Vec::new();
+    let mut file = None;
+    for parts in frames
+        .iter()
+        .filter(|parts| parts.depth_origin == DepthOrigin::Dense)
+    {
+        let (Some(dense), Some(mask)) = (&parts.depth, &parts.mask) else {
+            continue;
+        };
+        let sparse = splat(&parts.draft.points, &parts.draft.camera, dense.size());
+        let both = dense.data().iter().zip(sparse.data()).zip(mask.data());
+        ratios.extend(
+            both.filter(|((dense, sparse), inside)| **inside && **dense > 0.0 && **sparse > 0.0)
+                .map(|((dense, sparse), _)| dense / sparse),
+        );
+        file = file.or(parts.draft.depth.as_ref());
+    }
+    let (Some(DenseDepth::Exr(file) | DenseDepth::ColmapMap(file) | DenseDepth::OpenMvsMap(file)), true) =
+        (file, ratios.len() >= TELLING)
+    else {
+        return Ok(());
+    };
+    match median(&mut ratios).map(f64::from) {
+        Some(ratio) if !(1.0 / ANOTHER_MODEL..=ANOTHER_MODEL).contains(&ratio) => {
+            Err(SequenceError::invalid(
+                file,
+                "depth",
+                format!(
+                    "it is {ratio:.3} times the depth of the sparse points, the median over all frames: of another model"
+                ),
+                "compute dense depth from the model in sparse/ again, or take it away",
+            ))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn median(values: &mut [f32]) -> Option<f32> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 /// Tools may compute depth on a reduced image: such a map is enlarged, each pixel taking the nearest value.
@@ -74,7 +217,7 @@ fn splat(points: &[Vector3<f64>], camera: &Pinhole, (width, height): (usize, usi
 }
 
 /// Sets what is no depth to 0 (unknown); returns how many there were.
-fn clear_unusable(depth: &mut DepthMap) -> usize {
+pub(super) fn clear_unusable(depth: &mut DepthMap) -> usize {
     let mut count = 0;
     for z in depth.data_mut() {
         if !(z.is_finite() && *z >= 0.0) {

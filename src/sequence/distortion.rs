@@ -1,6 +1,8 @@
 //! Lens distortion on the normalised image plane (x/z, y/z). COLMAP's camera models reduce to these kinds.
 
+use super::error::SequenceError;
 use crate::geometry::Vector2;
+use std::path::Path;
 
 /// How the lens moves an undistorted point (u, v) of the normalised plane; r² = u² + v², θ = atan r.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +34,49 @@ pub(super) enum Distortion {
 const SMALL: f64 = 1e-8;
 
 impl Distortion {
+    /// Refuses coefficients that are not finite; `field` names the camera in `file`.
+    pub fn check(&self, file: &Path, field: &str) -> Result<(), SequenceError> {
+        for (name, value) in self.coefficients() {
+            if !value.is_finite() {
+                return Err(SequenceError::invalid(
+                    file,
+                    format!("{field}.{name}"),
+                    format!("lens coefficient is {value}"),
+                    "calibrate again, or choose a simpler camera model",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Every coefficient by its name in COLMAP.
+    fn coefficients(&self) -> Vec<(&'static str, f64)> {
+        let name = |names: &[&'static str], values: &[f64]| -> Vec<(&'static str, f64)> {
+            names.iter().copied().zip(values.iter().copied()).collect()
+        };
+        match self {
+            Self::None => Vec::new(),
+            Self::Polynomial {
+                numerator,
+                denominator,
+                tangential,
+            } => [
+                name(&["k1", "k2", "k3"], numerator),
+                name(&["k4", "k5", "k6"], denominator),
+                name(&["p1", "p2"], tangential),
+            ]
+            .concat(),
+            Self::Fisheye { k } => name(&["k1", "k2", "k3", "k4"], k),
+            Self::FieldOfView { omega } => vec![("omega", *omega)],
+            Self::ThinPrismFisheye { k, tangential, prism } => [
+                name(&["k1", "k2", "k3", "k4"], k),
+                name(&["p1", "p2"], tangential),
+                name(&["sx1", "sy1"], prism),
+            ]
+            .concat(),
+        }
+    }
+
     /// The distorted point of an undistorted one.
     pub fn distort(&self, point: Vector2<f64>) -> Vector2<f64> {
         let r2 = point.norm_squared();
@@ -124,6 +169,48 @@ mod tests {
                 "{r}"
             );
         }
+    }
+
+    #[test]
+    fn every_coefficient_must_be_finite() {
+        let mut names = Vec::new();
+        for index in 0..8 {
+            let value = |i: usize| if i == index { f64::NAN } else { 0.1 };
+            for lens in [
+                Distortion::Polynomial {
+                    numerator: [value(0), value(1), value(2)],
+                    denominator: [value(3), value(4), value(5)],
+                    tangential: [value(6), value(7)],
+                },
+                Distortion::ThinPrismFisheye {
+                    k: [value(0), value(1), value(2), value(3)],
+                    tangential: [value(4), value(5)],
+                    prism: [value(6), value(7)],
+                },
+            ] {
+                let message = lens
+                    .check(Path::new("cameras.txt"), "camera 1")
+                    .unwrap_err()
+                    .to_string();
+                assert!(message.contains("lens coefficient is NaN"), "{message}");
+                names.push(message.split(": ").nth(1).unwrap().to_owned());
+            }
+        }
+        assert_eq!(names[0], "camera 1.k1");
+        assert_eq!(names.iter().collect::<std::collections::BTreeSet<_>>().len(), 10);
+        assert!(
+            Distortion::Fisheye { k: [0.1; 4] }
+                .check(Path::new("f"), "c")
+                .is_ok()
+        );
+        let infinite = Distortion::FieldOfView { omega: f64::INFINITY };
+        assert!(
+            infinite
+                .check(Path::new("f"), "c")
+                .unwrap_err()
+                .to_string()
+                .contains("c.omega")
+        );
     }
 
     #[test]

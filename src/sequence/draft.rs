@@ -35,22 +35,22 @@ pub(super) struct FrameDraft {
     pub calibrated_size: Option<(usize, usize)>,
     pub timestamp_s: Option<f64>,
     pub camera_from_input: Option<Pose>,
-    pub depth: DepthSource,
+    pub depth: Option<DenseDepth>,
+    /// Reconstructed points seen by this frame, in its camera frame: semi-dense depth where there is none else.
+    pub points: Vec<Vector3<f64>>,
     /// EXR, of the image's size.
     pub depth_deviation: Option<PathBuf>,
     pub truth: Option<FrameTruth>,
 }
 
-pub(super) enum DepthSource {
-    None,
+/// A file with depth per pixel.
+pub(super) enum DenseDepth {
     /// `depth/*.exr`, of the image's size.
     Exr(PathBuf),
     /// COLMAP's `stereo/depth_maps/*.geometric.bin`.
     ColmapMap(PathBuf),
     /// openMVS's `depth*.dmap`, whose camera the reader has checked.
     OpenMvsMap(PathBuf),
-    /// Reconstructed points seen by this frame, in its camera frame.
-    Points(Vec<Vector3<f64>>),
 }
 
 pub(super) struct FrameTruth {

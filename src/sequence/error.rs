@@ -14,8 +14,9 @@ pub enum SequenceError {
     #[error(transparent)]
     Image(#[from] ImageError),
 
-    #[error("{}: cannot be read ({source}); check that it exists and its permissions", .file.display())]
-    Read { file: PathBuf, source: std::io::Error },
+    // Not `source`, here and below: the message has it already, and whoever prints the chain would print it twice.
+    #[error("{}: cannot be read ({problem}); check that it exists and its permissions", .file.display())]
+    Read { file: PathBuf, problem: std::io::Error },
 
     /// A file or folder that the input needs is not there.
     #[error("{}: {what} is missing; {mend}", .file.display())]
@@ -91,22 +92,27 @@ pub enum SequenceError {
     #[error("{}: output folder is in use; name one that does not exist yet", .0.display())]
     TargetExists(PathBuf),
 
-    #[error("{}: cannot be written ({source}); check the free space and the folder's permissions", .file.display())]
-    Write { file: PathBuf, source: std::io::Error },
+    #[error("{}: cannot be written ({problem}); check the free space and the folder's permissions", .file.display())]
+    Write { file: PathBuf, problem: std::io::Error },
 }
 
 impl SequenceError {
-    pub(crate) fn read(file: &Path, source: std::io::Error) -> Self {
-        Self::Read {
-            file: file.to_owned(),
-            source,
+    pub(crate) fn read(file: &Path, problem: std::io::Error) -> Self {
+        match problem.kind() {
+            std::io::ErrorKind::InvalidData => {
+                Self::invalid(file, "text", "not in UTF-8", "save it in UTF-8")
+            }
+            _ => Self::Read {
+                file: file.to_owned(),
+                problem,
+            },
         }
     }
 
-    pub(crate) fn write(file: &Path, source: std::io::Error) -> Self {
+    pub(crate) fn write(file: &Path, problem: std::io::Error) -> Self {
         Self::Write {
             file: file.to_owned(),
-            source,
+            problem,
         }
     }
 

@@ -1,11 +1,19 @@
 //! Reads an input completely and says what is in it and everything that is wrong with it.
 
 use super::assemble::{Parts, assemble};
-use super::draft::Draft;
-use super::{LoadOptions, Sequence, SequenceError, Truth, colmap, folder, openmvs};
+use super::depth::check_together;
+use super::draft::{Draft, FrameDraft};
+use super::{LoadOptions, Sequence, SequenceContent, SequenceError, Truth, colmap, folder, openmvs};
 use crate::geometry::Pinhole;
+use crate::image::{Mask, dimensions};
+use crate::memory::memory_bytes;
 use rayon::prelude::*;
 use std::path::Path;
+
+/// Of a solve: the image as floats, its pyramid and that of its derivatives, mask, distances and depth.
+const BYTES_PER_PIXEL: f64 = 60.0;
+/// Masks of more than half of the frames whose object lies along more than this share of the border are doubted.
+const SUSPICIOUS_BORDER: f64 = 0.5;
 
 /// What an input holds.
 #[derive(Debug)]
@@ -18,17 +26,17 @@ pub struct Examination {
     pub notes: Vec<String>,
     /// Every fault found; empty if and only if the input is usable.
     pub problems: Vec<SequenceError>,
-    /// What could be read; complete if and only if there are no problems.
-    sequence: Sequence,
+    /// There if and only if there are no problems.
+    sequence: Option<Sequence>,
 }
 
 impl Examination {
     /// The input itself, or the first of its faults.
     pub fn into_sequence(self) -> Result<Sequence, SequenceError> {
-        match self.problems.into_iter().next() {
-            None => Ok(self.sequence),
-            Some(problem) => Err(problem),
-        }
+        let fault = self.problems.into_iter().next();
+        // Without problems there is a sequence.
+        let missing = || fault.unwrap_or_else(|| SequenceError::NotRecognised(self.name.into()));
+        self.sequence.ok_or_else(missing)
     }
 }
 
@@ -74,12 +82,15 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
     let frames = options.window.select(frames);
     if frames.len() < 2 && problems.is_empty() {
         problems.push(SequenceError::TooFewFrames {
-            file: listing,
+            file: listing.clone(),
             count: frames.len(),
             mend: "add frames or widen --frames and --every".into(),
         });
     }
-    let parts: Vec<Parts> = frames.into_par_iter().map(assemble).collect();
+    check_memory(&frames, &listing)?;
+    let mut parts: Vec<Parts> = frames.into_par_iter().map(assemble).collect();
+    problems.extend(check_together(&mut parts, &mut notes).err());
+    note_masks(&parts, &mut notes);
     let summaries: Vec<_> = parts.iter().map(summarise).collect();
     let mut kept = Vec::with_capacity(parts.len());
     for mut part in parts {
@@ -96,13 +107,21 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
             shape,
         }
     });
-    let sequence = Sequence {
+    let content = SequenceContent {
         name: name.clone(),
         frames,
         motion_deviation,
         focal_deviation,
         truth,
     };
+    let mut sequence = None;
+    // What could be read of a faulty input is no sequence, and would be found fault with again.
+    if problems.is_empty() {
+        match Sequence::checked(content, &listing) {
+            Ok(checked) => sequence = Some(checked),
+            Err(faults) => problems = faults,
+        }
+    }
     Ok(Examination {
         name,
         kind,
@@ -111,6 +130,55 @@ pub fn examine(input: &Path, options: &LoadOptions) -> Result<Examination, Seque
         problems,
         sequence,
     })
+}
+
+/// Fails where the frames would take more memory than the machine has, before any is read.
+fn check_memory(frames: &[FrameDraft], listing: &Path) -> Result<(), SequenceError> {
+    let pixels = |frame: &FrameDraft| dimensions(&frame.image).map_or(0, |(width, height)| width * height);
+    let needed = frames.par_iter().map(pixels).sum::<usize>() as f64 * BYTES_PER_PIXEL;
+    match memory_bytes() {
+        Some(there) if needed > there => Err(SequenceError::invalid(
+            listing,
+            "frames",
+            format!(
+                "{} pictures would take about {:.1} GB of memory, this machine has {:.1}",
+                frames.len(),
+                needed / 1e9,
+                there / 1e9
+            ),
+            "make the pictures smaller, or choose fewer with --frames and --every",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Says what all masks have in common and is unlike masks of an object, and which way pictures were taken.
+fn note_masks(parts: &[Parts], notes: &mut Vec<String>) {
+    let masks: Vec<&Mask> = parts.iter().filter_map(|parts| parts.mask.as_ref()).collect();
+    let at_border = masks
+        .iter()
+        .filter(|mask| mask.border_share() > SUSPICIOUS_BORDER)
+        .count();
+    if 2 * at_border > masks.len() {
+        let mean = |of: fn(&Mask) -> f64| {
+            100.0 * masks.iter().map(|mask| of(mask)).sum::<f64>() / masks.len() as f64
+        };
+        notes.push(format!(
+            "the masks cover {:.0} % of the pictures and {:.0} % of their borders; are they inverted? White is the object",
+            mean(Mask::share),
+            mean(Mask::border_share)
+        ));
+    }
+    let unturned = parts
+        .iter()
+        .filter(|parts| !parts.left_unturned.is_none())
+        .count();
+    if unturned > 0 {
+        notes.push(format!(
+            "{unturned} pictures are to be turned before they are shown (EXIF); they are taken as they are stored, as the tool \
+             that found the cameras does, and so must their masks be"
+        ));
+    }
 }
 
 /// Whether an input is of a kind that [`examine`] knows.

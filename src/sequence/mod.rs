@@ -6,6 +6,7 @@
 mod assemble;
 mod bytes;
 mod colmap;
+mod content;
 mod depth;
 mod distortion;
 mod draft;
@@ -23,6 +24,7 @@ mod undistort;
 mod validate;
 mod workspace;
 
+pub use content::{Sequence, SequenceContent};
 pub use error::SequenceError;
 pub use examine::{Examination, FrameExamination, MaskSummary, examine, recognises};
 pub use folder::write;
@@ -33,26 +35,10 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Frames in order.
-#[derive(Clone, Debug)]
-pub struct Sequence {
-    /// The folder's name.
-    pub name: String,
-    pub frames: Vec<Frame>,
-    /// Standard deviation, in diagonals of the object, of where the off-the-shelf poses take its points between two frames; None
-    /// where nobody vouches for them.
-    pub motion_deviation: Option<f64>,
-    /// Standard deviation of the logarithm of one factor for all focal lengths, which the solver then finds; None where
-    /// they are known.
-    pub focal_deviation: Option<f64>,
-    /// Known only for sequences that were rendered; never read by the solver.
-    pub truth: Option<Truth>,
-}
-
 impl Sequence {
     /// Takes over what `reference`, read from `folder`, knows of these frames, by their names: so that off-the-shelf tools
     /// that were run on rendered images can be judged. Fails unless it knows every frame, of the same size.
-    pub fn take_truth(&mut self, reference: &Self, folder: &Path) -> Result<(), SequenceError> {
+    pub fn with_truth_of(self, reference: &Self, folder: &Path) -> Result<Self, SequenceError> {
         let listing = folder.join(folder::MANIFEST);
         let known = reference.truth.as_ref().ok_or_else(|| SequenceError::Missing {
             file: listing.clone(),
@@ -76,12 +62,12 @@ impl Sequence {
             camera_from_object.push(known.camera_from_object[index]);
             depth.push(known.depth[index].clone());
         }
-        self.truth = Some(Truth {
+        let truth = Truth {
             camera_from_object,
             depth,
             shape: known.shape.clone(),
-        });
-        Ok(())
+        };
+        self.edited(|content| content.truth = Some(truth))
     }
 }
 
@@ -121,6 +107,15 @@ pub struct Truth {
     pub depth: Vec<DepthMap>,
     /// Points on the outside of the canonical shape, object frame.
     pub shape: Vec<[f32; 3]>,
+}
+
+/// Reads one file of a reconstruction, told by its name: for the targets in `fuzz/`.
+#[cfg(fuzzing)]
+pub fn fuzz(name: &str, data: &[u8]) {
+    match name {
+        "scene.mvs" | "depth0000.dmap" => openmvs::fuzz(name, data),
+        _ => colmap::fuzz(name, data),
+    }
 }
 
 /// Reads a sequence folder, a COLMAP workspace (optionally with openMVS depth) or an openMVS project. The first

@@ -70,7 +70,12 @@ fn colmap_binary_says_the_same_as_text() {
 fn colmaps_dense_depth_comes_before_its_points() {
     let folder = workspace();
     fixture::stereo(folder.path());
-    let depth = plain(folder.path()).frames.remove(1).depth.unwrap();
+    let depth = plain(folder.path())
+        .into_content()
+        .frames
+        .remove(1)
+        .depth
+        .unwrap();
     assert!(depth.data().iter().all(|&z| z == fixture::PLANE as f32));
 }
 
@@ -115,7 +120,13 @@ fn a_reduced_depth_map_is_enlarged() {
     map.depth_size = (16, 12);
     map.z = (0..16 * 12).map(|i| 1.0 + i as f32).collect();
     fixture::write(&openmvs.join("depth0000.dmap"), &map.encode());
-    let depth = with_depth(folder.path()).unwrap().frames.remove(0).depth.unwrap();
+    let depth = with_depth(folder.path())
+        .unwrap()
+        .into_content()
+        .frames
+        .remove(0)
+        .depth
+        .unwrap();
     assert_eq!(depth.size(), (32, 24));
     assert_eq!(
         (depth[(0, 0)], depth[(1, 1)], depth[(2, 0)], depth[(31, 23)]),

@@ -2,10 +2,10 @@
 
 use super::error::SequenceError;
 use super::validate::inside;
+use crate::files::read_text;
+use crate::image::{Pictures, mask_of};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-
-const IMAGE_EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
 
 /// `folder/name`, refused where the folder is missing.
 pub(super) fn need_folder(workspace: &Path, name: &str, mend: &str) -> Result<PathBuf, SequenceError> {
@@ -20,21 +20,24 @@ pub(super) fn need_folder(workspace: &Path, name: &str, mend: &str) -> Result<Pa
     })
 }
 
-/// The image of a registered frame; `name` comes from the reconstruction's own files.
+/// The image of a registered frame; `name` comes from the reconstruction's own files, Windows's with backslashes.
 pub(super) fn image_file(workspace: &Path, name: &str, listed_in: &Path) -> Result<PathBuf, SequenceError> {
-    inside(&workspace.join("images"), name, listed_in, "image name")
+    let images = workspace.join("images");
+    let file = inside(&images, name, listed_in, "image name")?;
+    if name.contains('\\') && !file.is_file() {
+        return inside(&images, &name.replace('\\', "/"), listed_in, "image name");
+    }
+    Ok(file)
 }
 
-/// `masks/<name>.png`, with the image's extension kept or dropped; the former where neither exists.
+/// The mask of the image `name`, in `masks/`.
 pub(super) fn mask_file(workspace: &Path, name: &str) -> PathBuf {
     let masks = workspace.join("masks");
-    let kept = masks.join(format!("{name}.png"));
-    let dropped = masks.join(Path::new(name).with_extension("png"));
-    if !kept.is_file() && dropped.is_file() {
-        dropped
-    } else {
-        kept
+    let named = mask_of(&masks, name);
+    if name.contains('\\') && !named.is_file() {
+        return mask_of(&masks, &name.replace('\\', "/"));
     }
+    named
 }
 
 /// Names of frames from those of their images: without extension where that stays unique.
@@ -51,10 +54,16 @@ pub(super) fn frame_names(images: &[&str]) -> Vec<String> {
 /// Says which images in `images/` the reconstruction does not use.
 pub(super) fn note_unused_images(workspace: &Path, used: &[&str], notes: &mut Vec<String>) {
     let images = workspace.join("images");
-    let mut all = Vec::new();
-    list_images(&images, &mut all);
-    let used: BTreeSet<PathBuf> = used.iter().map(|name| images.join(name)).collect();
-    let mut unused: Vec<String> = all
+    let (mut all, mut left_out) = (Vec::new(), Vec::new());
+    list_images(&images, &mut all, &mut left_out);
+    for left_out in left_out {
+        notes.push(format!("images/: left out are {left_out}"));
+    }
+    let used: BTreeSet<PathBuf> = used
+        .iter()
+        .map(|name| images.join(name.replace('\\', "/")))
+        .collect();
+    let unused: Vec<String> = all
         .iter()
         .filter(|file| !used.contains(*file))
         .map(|file| {
@@ -64,7 +73,6 @@ pub(super) fn note_unused_images(workspace: &Path, used: &[&str], notes: &mut Ve
                 .into_owned()
         })
         .collect();
-    unused.sort();
     if let (Some(first), Some(last)) = (unused.first(), unused.last()) {
         let which = if first == last {
             first.clone()
@@ -79,15 +87,20 @@ pub(super) fn note_unused_images(workspace: &Path, used: &[&str], notes: &mut Ve
     }
 }
 
-fn list_images(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let path = entry.path();
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        if path.is_dir() {
-            list_images(&path, found);
-        } else if extension.is_some_and(|e| IMAGE_EXTENSIONS.contains(&e.as_str())) {
-            found.push(path);
-        }
+/// The pictures in a folder and below it, and what is there that is not read.
+fn list_images(folder: &Path, found: &mut Vec<PathBuf>, left_out: &mut Vec<String>) {
+    if let Ok(pictures) = Pictures::of(folder) {
+        left_out.extend(pictures.left_out());
+        found.extend(pictures.files);
+    }
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut folders: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir())
+        .collect();
+    folders.sort();
+    for folder in folders {
+        list_images(&folder, found, left_out);
     }
 }
 
@@ -98,7 +111,7 @@ pub(super) fn times(workspace: &Path) -> Result<BTreeMap<String, f64>, SequenceE
     if !file.is_file() {
         return Ok(times);
     }
-    let text = std::fs::read_to_string(&file).map_err(|source| SequenceError::read(&file, source))?;
+    let text = read_text(&file).map_err(|error| SequenceError::read(&file, error))?;
     for (index, line) in text.lines().enumerate() {
         let line = line.trim();
         if line.is_empty() || line.starts_with('#') {
@@ -165,14 +178,45 @@ mod tests {
     }
 
     #[test]
-    fn masks_are_found_by_either_name() {
+    fn names_may_have_windowss_slashes() {
         let folder = tempfile::tempdir().unwrap();
-        let masks = folder.path().join("masks");
-        std::fs::create_dir(&masks).unwrap();
-        assert_eq!(mask_file(folder.path(), "a.jpg"), masks.join("a.jpg.png"));
-        std::fs::write(masks.join("a.png"), "").unwrap();
-        assert_eq!(mask_file(folder.path(), "a.jpg"), masks.join("a.png"));
-        std::fs::write(masks.join("a.jpg.png"), "").unwrap();
-        assert_eq!(mask_file(folder.path(), "a.jpg"), masks.join("a.jpg.png"));
+        for name in ["images/left", "masks/left"] {
+            std::fs::create_dir_all(folder.path().join(name)).unwrap();
+        }
+        let (image, mask) = (
+            folder.path().join("images/left/1.jpg"),
+            folder.path().join("masks/left/1.png"),
+        );
+        std::fs::write(&image, "").unwrap();
+        std::fs::write(&mask, "").unwrap();
+        let listing = Path::new("images.txt");
+        for name in ["left/1.jpg", "left\\1.jpg"] {
+            assert_eq!(image_file(folder.path(), name, listing).unwrap(), image);
+            assert_eq!(mask_file(folder.path(), name), mask);
+        }
+        assert!(image_file(folder.path(), "..\\1.jpg", listing).is_err());
+        let mut notes = Vec::new();
+        note_unused_images(folder.path(), &["left\\1.jpg"], &mut notes);
+        assert!(notes.is_empty(), "{notes:?}");
+    }
+
+    #[test]
+    fn pictures_that_no_one_uses_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let images = folder.path().join("images");
+        std::fs::create_dir(&images).unwrap();
+        for name in ["a10.jpg", "a9.jpg", "b.heic", "used.png", "._used.png"] {
+            std::fs::write(images.join(name), "").unwrap();
+        }
+        let mut notes = Vec::new();
+        note_unused_images(folder.path(), &["used.png"], &mut notes);
+        assert!(
+            notes[0].contains("1 pictures that are not read (1 .heic)"),
+            "{notes:?}"
+        );
+        assert!(
+            notes[1].contains("2 of 3 images") && notes[1].contains("(a9.jpg … a10.jpg)"),
+            "{notes:?}"
+        );
     }
 }

@@ -117,3 +117,20 @@ pub struct Solution {
     /// Stage name → seconds: wall clock, or processor time where the name ends in `_cpu`.
     pub seconds: Vec<(String, f64)>,
 }
+
+impl Solution {
+    /// Itself, found after `earlier`, from whose motion it started: with the trace, counters and times of both.
+    pub fn after(mut self, earlier: Self) -> Self {
+        let renamed = self.trace.into_iter().map(|row| TraceRow {
+            stage: format!("again-{}", row.stage),
+            ..row
+        });
+        self.trace = earlier.trace.into_iter().chain(renamed).collect();
+        self.steps.splice(0..0, earlier.steps);
+        self.seconds.splice(0..0, earlier.seconds);
+        self.evaluations = earlier.evaluations.plus(self.evaluations);
+        self.iterations += earlier.iterations;
+        self.hypotheses = earlier.hypotheses;
+        self
+    }
+}

@@ -38,8 +38,8 @@ use std::path::{Path, PathBuf};
 /// Why a study has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    #[error("{}: {source}", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {problem}", path.display())]
+    Io { path: PathBuf, problem: std::io::Error },
     #[error("{}: cannot draw: {reason}", path.display())]
     Plot { path: PathBuf, reason: String },
     #[error("interrupted; the same command goes on from here")]
@@ -79,9 +79,9 @@ pub enum StudyError {
 
 impl StudyError {
     fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        |source| Self::Io {
+        |problem| Self::Io {
             path: path.to_owned(),
-            source,
+            problem,
         }
     }
 }

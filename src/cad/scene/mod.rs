@@ -21,7 +21,7 @@ use super::render::{Light, Renderer, Rendering, View};
 use super::{CadError, Mesh, load_source, orbit};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use crate::image::{DepthMap, Grid, RgbImage, blur};
-use crate::sequence::{Frame, Sequence, Truth};
+use crate::sequence::{Frame, Sequence, SequenceContent, Truth};
 use rayon::prelude::*;
 
 /// Streams of chance, one per purpose, so that changing one option leaves what the others draw alone.
@@ -76,7 +76,7 @@ pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError
         }
     };
     let (frames, depth) = exposed.into_iter().unzip();
-    Ok(Sequence {
+    Ok(Sequence::new(SequenceContent {
         name: name.to_owned(),
         frames,
         motion_deviation: None,
@@ -86,7 +86,7 @@ pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError
             depth,
             shape: outside_points(mesh, scene.truth_points),
         }),
-    })
+    })?)
 }
 
 /// What is rendered for one frame.

@@ -85,7 +85,7 @@ fn without_noise_the_input_is_the_truth_in_another_frame() {
 fn true_depth_and_pose_put_every_pixel_on_the_box() {
     let scene = scene("");
     let sequence = film(&scene, &cuboid(HALF), "box").unwrap();
-    let truth = sequence.truth.unwrap();
+    let truth = sequence.truth.clone().unwrap();
     for (l, frame) in sequence.frames.iter().enumerate() {
         let (mut seen, map) = (0, &truth.depth[l]);
         for (i, &z) in map.data().iter().enumerate() {
@@ -109,7 +109,7 @@ fn depth_noise_is_as_asked() {
     let mut scene = scene("");
     scene.depth.least_gradient = 0.0;
     let sequence = film(&scene, &cuboid(HALF), "box").unwrap();
-    let truth = sequence.truth.unwrap();
+    let truth = sequence.truth.clone().unwrap();
     let (mut object, mut given, mut wrong, mut off, mut squares) = (0, 0, 0, 0, 0.0);
     for (l, frame) in sequence.frames.iter().enumerate() {
         for (&z, &true_z) in frame
@@ -184,7 +184,10 @@ fn same_seed_same_bytes_and_other_seed_other_noise() {
         );
         assert_ne!(first.frames[l].image, other.frames[l].image);
     }
-    assert_eq!(first.truth.unwrap().shape, again.truth.unwrap().shape);
+    assert_eq!(
+        first.truth.as_ref().unwrap().shape,
+        again.truth.as_ref().unwrap().shape
+    );
 }
 
 /// The frames of the box before black, without noise or jitter.
@@ -194,7 +197,7 @@ fn plainly(extra: &str) -> Vec<Frame> {
     scene.image_noise = 0.0;
     scene.background.contrast = 0.0;
     scene.background.colour = [0.0; 3];
-    film(&scene, &cuboid(HALF), "box").unwrap().frames
+    film(&scene, &cuboid(HALF), "box").unwrap().into_content().frames
 }
 
 #[test]
@@ -312,7 +315,7 @@ fn options_out_of_range_are_named() {
 fn the_bundled_sequence_is_whole() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/data/sequences/car");
     let sequence = crate::sequence::load(folder.as_ref(), &Default::default()).unwrap();
-    let truth = sequence.truth.unwrap();
+    let truth = sequence.truth.clone().unwrap();
     assert_eq!((sequence.frames.len(), truth.camera_from_object.len()), (10, 10));
     let shape: Vec<_> = truth
         .shape

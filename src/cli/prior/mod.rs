@@ -92,9 +92,9 @@ struct Show {
     /// The PNG to write.
     #[arg(long)]
     out: PathBuf,
-    /// Draw only the first so many modes.
-    #[arg(long, default_value_t = usize::MAX, hide_default_value = true)]
-    modes: usize,
+    /// Draw the first so many modes, 256 at most.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u16).range(0..=256))]
+    modes: u16,
 }
 
 /// Which models to learn from, and how they are sampled and corresponded.
@@ -428,7 +428,7 @@ fn groups(models: &[NamedModel], duplicates: &[Vec<String>]) -> anyhow::Result<V
 
 fn show(args: &Show) -> anyhow::Result<()> {
     let (prior, info) = prior::open(&args.prior)?;
-    let sheet = prior::contact_sheet(&prior, args.modes);
+    let sheet = prior::contact_sheet(&prior, args.modes.into());
     let bytes: Vec<u8> = sheet.data().iter().flatten().map(|&x| x as u8).collect();
     let (width, height) = sheet.size();
     image::save_buffer(

@@ -108,10 +108,10 @@ fn a_call_moves_its_block_alone_whatever_the_threads() {
 
 /// Masks and depths of the blob as its true cameras see it.
 fn seen_by(at: &Estimate, blob: &Blob) -> Sequence {
-    let mut sequence = sequence(at.frame_count());
     let mut points = vec![0.0; 3 * blob.point_count()];
     blob.points(&at.style, &mut points);
-    for (frame, pose) in sequence.frames.iter_mut().zip(&at.camera_from_object) {
+    let mut content = sequence(at.frame_count()).into_content();
+    for (frame, pose) in content.frames.iter_mut().zip(&at.camera_from_object) {
         let mut depth = crate::image::DepthMap::filled(96, 80, 0.0);
         for x in points.chunks_exact(3) {
             let in_camera = pose.transform(&Vector3::from_column_slice(x));
@@ -126,7 +126,7 @@ fn seen_by(at: &Estimate, blob: &Blob) -> Sequence {
         frame.mask = depth.known();
         frame.depth = Some(depth);
     }
-    sequence
+    Sequence::new(content).unwrap()
 }
 
 /// Depths tell how far away the blob is, silhouettes how large it looks.

@@ -70,13 +70,15 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
         alpha: 2.0,
         ..estimate(2)
     };
-    let mut sequence = sequence(2);
     let given = |u: f64| 0.4 + slope * u;
-    for frame in &mut sequence.frames {
-        frame.depth = Some(crate::image::DepthMap::from_fn(96, 80, |c, _| {
-            (1.0 / given(c as f64 + 0.5)) as f32
-        }));
-    }
+    let sequence = sequence(2).edited(|content| {
+        for frame in &mut content.frames {
+            frame.depth = Some(crate::image::DepthMap::from_fn(96, 80, |c, _| {
+                (1.0 / given(c as f64 + 0.5)) as f32
+            }));
+        }
+    });
+    let sequence = sequence.unwrap();
     let options = only(|o| (o.inverse_depth_weight, o.inverse_depth_huber) = (1000.0, 10.0));
     let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, &at);
     setting.at.alpha = 3.0;
@@ -161,8 +163,10 @@ fn eq_4_is_a_mean_over_pairs() {
             .photometric
     };
     let pair = |a: usize, b: usize| {
-        let mut two = sequence.clone();
-        two.frames = vec![sequence.frames[a].clone(), sequence.frames[b].clone()];
+        let two = sequence.clone().edited(|content| {
+            content.frames = vec![sequence.frames[a].clone(), sequence.frames[b].clone()];
+        });
+        let two = two.unwrap();
         let mut estimate = at.clone();
         estimate.camera_from_object = vec![at.camera_from_object[a], at.camera_from_object[b]];
         let options = only(|o| {

@@ -9,6 +9,7 @@ use crate::prepare::{Photo, PrepareError};
 
 /// Labels of GrabCut.
 pub(super) const BACKGROUND: u8 = 0;
+pub(super) const OBJECT: u8 = 1;
 pub(super) const MAYBE_BACKGROUND: u8 = 2;
 pub(super) const MAYBE_OBJECT: u8 = 3;
 /// GrabCut works on pictures no longer than this, in pixels.

@@ -1,22 +1,25 @@
 //! The object in every frame: from files, by networks, or without any by its colours.
 
 mod boxes;
+mod by_shape;
 mod colours;
 mod follow;
+mod given;
 mod network;
 mod networks;
 #[cfg(test)]
 mod tiny;
 
+pub use by_shape::masks_by_shape;
 pub use network::NetworkError;
 pub use networks::descriptions;
 
 use super::cache::{Cache, Key};
 use super::{Photo, PrepareError};
 use crate::bridge::vision::ffi::{self, Picture};
-use crate::image::{Grid, Mask, mask_of, read_mask};
+use crate::image::{Grid, Mask};
 use networks::Networks;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
 /// A box in pixels of the original pictures.
@@ -112,7 +115,7 @@ pub fn masks(
     watch: &dyn Fn(usize) -> bool,
 ) -> Result<Found, PrepareError> {
     let (masks, words) = if let Some(folder) = &options.given {
-        (given(folder, photos)?, "from files".to_owned())
+        given::given(folder, photos)?
     } else if let Some(folder) = &options.networks {
         let networks = Networks::read(folder, options.category.as_deref())?;
         let found = cache.get_or("masks", key.and(options).and(&networks.key()), || {
@@ -134,7 +137,7 @@ pub fn masks(
     };
     let masks = masks
         .into_iter()
-        .map(|mask| (mask.share() > 0.0).then_some(mask))
+        .map(|mask| (mask.share() > 0.0 && mask.covers_all().is_none()).then_some(mask))
         .collect();
     Ok(Found { masks, words })
 }
@@ -159,19 +162,6 @@ fn cleaned(mut mask: Vec<u8>, width: usize, height: usize, radius: usize) -> Res
     Ok(Grid::from_fn(width, height, |column, row| {
         mask[row * width + column] != 0
     }))
-}
-
-fn given(folder: &Path, photos: &[Photo]) -> Result<Vec<Mask>, PrepareError> {
-    let mask = |photo: &Photo| {
-        let mask = read_mask(&mask_of(folder, &photo.name)?)?;
-        let (width, height) = photo.image.size();
-        // Pictures may have been made smaller than their masks.
-        let at = |x: usize, to: usize, from: usize| (x * from + from / 2) / to;
-        Ok(Grid::from_fn(width, height, |column, row| {
-            mask[(at(column, width, mask.width()), at(row, height, mask.height()))]
-        }))
-    };
-    photos.iter().map(mask).collect()
 }
 
 #[cfg(test)]

@@ -13,10 +13,11 @@ use std::sync::Arc;
 /// What is wrong with a network, or with a folder of them.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
-    #[error("{}: cannot be read ({source}); {mend}", .file.display())]
+    #[error("{}: cannot be read ({problem}); {mend}", .file.display())]
     Read {
         file: PathBuf,
-        source: std::io::Error,
+        // Not `source`: the message has it already, and whoever prints the chain would print it twice.
+        problem: std::io::Error,
         mend: &'static str,
     },
     #[error("{}: {problem}; correct it (data/README.md says what it holds)", .file.display())]
@@ -114,9 +115,9 @@ impl Network {
     /// Files that cannot be read, or that hold something else.
     pub fn read(beside: &Path) -> Result<Self, NetworkError> {
         let read = |file: &Path, mend| {
-            std::fs::read(file).map_err(|source| NetworkError::Read {
+            std::fs::read(file).map_err(|problem| NetworkError::Read {
                 file: file.to_owned(),
-                source,
+                problem,
                 mend,
             })
         };

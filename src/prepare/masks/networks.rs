@@ -144,9 +144,9 @@ impl Networks {
 /// A folder that cannot be read.
 pub fn descriptions(folder: &Path) -> Result<Vec<std::path::PathBuf>, NetworkError> {
     let mut files: Vec<_> = std::fs::read_dir(folder)
-        .map_err(|source| NetworkError::Read {
+        .map_err(|problem| NetworkError::Read {
             file: folder.to_owned(),
-            source,
+            problem,
             mend: "give --networks the folder that scripts/fetch_networks made",
         })?
         .flatten()

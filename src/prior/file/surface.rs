@@ -120,9 +120,9 @@ pub(super) fn parse(file: &SafeTensors, info: &PriorInfo, path: &Path) -> Result
         .map_err(InvalidPrior::from)
         .and_then(|mesh| SurfacePrior::new(mesh, mean, components, field, asymmetry, points.collect()))
         .and_then(LearnedPrior::of_surface)
-        .map_err(|source| PriorError::Invalid {
+        .map_err(|problem| PriorError::Invalid {
             path: path.to_owned(),
-            source,
+            problem,
         })
 }
 

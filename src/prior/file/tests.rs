@@ -15,7 +15,7 @@ fn mirrored() -> LearnedPrior {
             })
             .collect()
     };
-    let mean = mirror(&[0.25, 0.5, -0.125, 0.5, 0.0, 0.375], 1);
+    let mean = mirror(&[0.25, 0.25, -0.25, 0.375, -0.25, 0.25], 1);
     let basis = mirror(&(0..12).map(|i| f64::from(i) / 16.0).collect::<Vec<_>>(), 2);
     let normals = vec![[0.0, 1.0, 0.0]; 4];
     LinearPrior::new(mean, basis, 2, normals).unwrap().into()
@@ -103,6 +103,33 @@ fn an_asymmetric_prior_is_not_written_as_symmetric() {
         to_bytes(&prior.into(), &describe()),
         Err(PriorError::NotSymmetric(3))
     ));
+}
+
+#[test]
+fn shapes_in_another_unit_or_elsewhere_are_refused() {
+    let info = describe();
+    let with = |scale: f64, up: f64, modes: f64| {
+        let output = mirrored().output().clone();
+        let mean = output
+            .mean()
+            .iter()
+            .enumerate()
+            .map(|(i, x)| scale * x + if i % 3 == 1 { up } else { 0.0 });
+        let basis = output.basis().iter().map(|x| modes * x).collect();
+        let prior = LinearPrior::new(mean.collect(), basis, 2, output.normals().to_vec()).unwrap();
+        to_bytes(&prior.into(), &info).unwrap()
+    };
+    assert!(parse(&with(1.0, 0.0, 1.0), Path::new("a")).is_ok());
+    // Metres; millimetres; tenths.
+    for (scale, diagonal) in [(4.5, "4.638"), (1000.0, "1030.776"), (0.1, "0.103")] {
+        let message = refusal(&with(scale, 0.0, 1.0));
+        assert!(
+            message.contains(&format!("diagonal is {diagonal}, 0.9 to 1.12 expected")),
+            "{message}"
+        );
+    }
+    assert!(refusal(&with(1.0, 0.25, 1.0)).contains("centre's distance from the origin is 0.250"));
+    assert!(refusal(&with(1.0, 0.0, 4.5)).contains("by one standard deviation of a style is 3.09"));
 }
 
 #[test]

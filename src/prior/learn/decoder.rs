@@ -99,7 +99,7 @@ pub fn decoder(
             });
         }
     }
-    let mut found = components(shapes, COEFFICIENTS);
+    let mut found = components(shapes, &vec![1.0; shapes.len()], COEFFICIENTS);
     let length = |mode: &Vec<f64>| DVector::from_column_slice(mode).norm();
     let mut lengths: Vec<f64> = found.modes.iter().map(length).collect();
     let told = lengths

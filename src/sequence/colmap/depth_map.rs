@@ -11,7 +11,7 @@ pub(in crate::sequence) fn read(file: &Path) -> Result<DepthMap, SequenceError> 
     decode(&data, file)
 }
 
-fn decode(data: &[u8], file: &Path) -> Result<DepthMap, SequenceError> {
+pub(super) fn decode(data: &[u8], file: &Path) -> Result<DepthMap, SequenceError> {
     let wrong = |problem: &str| {
         SequenceError::invalid(
             file,

@@ -10,11 +10,13 @@ pub(super) mod depth_map;
 mod model;
 mod text;
 
-use super::draft::{DepthSource, Draft, FrameDraft, folder_name};
+use super::distortion::Distortion;
+use super::draft::{DenseDepth, Draft, FrameDraft, folder_name};
 use super::error::SequenceError;
-use super::validate::check_pinhole;
+use super::validate::{check_camera_fits, check_pinhole};
 use super::{openmvs, workspace};
 use crate::geometry::Vector3;
+use crate::image::natural_key;
 use model::{Image, Model};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -36,19 +38,35 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
     let mut notes = Vec::new();
     let mut problems = Vec::new();
     let mut model = model::read(input, &mut notes)?;
-    model.images.sort_by(|a, b| a.name.cmp(&b.name));
+    model.images.sort_by_cached_key(|image| natural_key(&image.name));
     check_unique(&model)?;
-    for (id, camera) in &model.cameras {
-        problems.extend(check_pinhole(
-            &camera.pinhole,
-            &model.cameras_file,
-            &format!("camera {id}"),
-        ));
+    for (id, camera) in &mut model.cameras {
+        let (file, field) = (&model.cameras_file, format!("camera {id}"));
+        let mut faults = check_pinhole(&camera.pinhole, file, &field);
+        if faults.is_empty() {
+            faults.extend(check_camera_fits(&camera.pinhole, camera.size, file, &field).err());
+        }
+        if let Err(fault) = camera.distortion.check(file, &field) {
+            faults.push(fault);
+            // Told once, here, and not again of every frame.
+            camera.distortion = Distortion::None;
+        }
+        problems.append(&mut faults);
     }
 
     let times = workspace::times(input)?;
     let names: Vec<&str> = model.images.iter().map(|image| image.name.as_str()).collect();
     workspace::note_unused_images(input, &names, &mut notes);
+    let all = model.points.len();
+    model
+        .points
+        .retain(|point| point.position.iter().all(|value| value.is_finite()));
+    if model.points.len() < all {
+        let left_out = all - model.points.len();
+        notes.push(format!(
+            "{left_out} points whose position is not finite are left out"
+        ));
+    }
     let mut observed = observed_points(&model);
     let mut frames = Vec::with_capacity(model.images.len());
     for (image, name) in model.images.iter().zip(workspace::frame_names(&names)) {
@@ -84,19 +102,17 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
             calibrated_size: Some(camera.size),
             timestamp_s: workspace::time_of(&times, &image.name),
             camera_from_input: Some(image.camera_from_world),
-            depth: match (depth, dense.is_file(), sparse.is_empty()) {
-                (Some(_), _, _) | (None, false, true) => DepthSource::None,
-                (None, true, _) => DepthSource::ColmapMap(dense),
-                (None, false, false) => DepthSource::Points(sparse),
-            },
+            depth: (depth.is_none() && dense.is_file()).then_some(DenseDepth::ColmapMap(dense)),
+            points: sparse,
             depth_deviation: None,
             truth: None,
         });
     }
     match depth {
         Some(folder) => openmvs::attach(&mut frames, &images, folder, &mut notes, &mut problems)?,
-        None => note_depth(&frames, &mut notes),
+        None => note_depth(input, &frames, &mut notes),
     }
+    problems.extend(check_proportion(&frames, &model.images_file));
     Ok(Draft {
         name: folder_name(input),
         kind: "COLMAP workspace",
@@ -146,16 +162,75 @@ fn observed_points(model: &Model) -> BTreeMap<u32, Vec<Vector3<f64>>> {
     observed
 }
 
-fn note_depth(frames: &[FrameDraft], notes: &mut Vec<String>) {
-    let count = |wanted: fn(&DepthSource) -> bool| frames.iter().filter(|frame| wanted(&frame.depth)).count();
-    let sparse = count(|depth| matches!(depth, DepthSource::Points(_)));
-    let none = count(|depth| matches!(depth, DepthSource::None));
-    if sparse > 0 {
-        notes.push(format!(
-            "{sparse} frames have no dense depth; the sparse points that each observes serve as semi-dense depth"
-        ));
-    }
+/// Says what depth there is not.
+fn note_depth(input: &Path, frames: &[FrameDraft], notes: &mut Vec<String>) {
+    let without = |frame: &&FrameDraft| frame.depth.is_none() && frame.points.is_empty();
+    let none = frames.iter().filter(without).count();
     if none > 0 {
         notes.push(format!("{none} frames have no depth at all"));
     }
+    let maps = std::fs::read_dir(input.join("stereo/depth_maps"));
+    let names: Vec<String> = maps
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    let any = |ending: &str| names.iter().any(|name| name.ends_with(ending));
+    if any(".photometric.bin") && !any(".geometric.bin") {
+        notes.push(
+            "stereo/depth_maps holds no geometric depth maps; photometric ones are left out, as they are full of outliers \
+             (run patch_match_stereo with geom_consistency)"
+                .into(),
+        );
+    }
+}
+
+/// Cameras that stand a thousand times farther from the others than those do among themselves: structure from motion went astray.
+fn check_proportion(frames: &[FrameDraft], listing: &Path) -> Vec<SequenceError> {
+    const OUT_OF_PROPORTION: f64 = 1e3;
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    let centers: Vec<Vector3<f64>> = frames
+        .iter()
+        .filter_map(|frame| Some(frame.camera_from_input?.center()))
+        .collect();
+    let middle = Vector3::from_fn(|axis, _| median(centers.iter().map(|center| center[axis]).collect()));
+    let usual = median(centers.iter().map(|center| (center - middle).norm()).collect());
+    frames
+        .iter()
+        .filter_map(|frame| {
+            let away = (frame.camera_from_input?.center() - middle).norm();
+            // Cameras at one place have no proportion.
+            (usual > 0.0 && away > OUT_OF_PROPORTION * usual).then(|| {
+                SequenceError::invalid(
+                    listing,
+                    format!("image of frame `{}`", frame.name),
+                    format!(
+                        "its camera is {:.0} times farther away than the others are",
+                        away / usual
+                    ),
+                    "take the image out of the model, or run SfM again",
+                )
+            })
+        })
+        .collect()
+}
+
+/// Reads one file's bytes, for the targets in `fuzz/`.
+#[cfg(fuzzing)]
+pub(super) fn fuzz(name: &str, data: &[u8]) {
+    let file = Path::new(name);
+    let text = crate::files::decode_text(data.to_vec()).unwrap_or_default();
+    let _ = match name {
+        "cameras.txt" => text::cameras(&text, file).map(drop),
+        "images.txt" => text::images(&text, file).map(drop),
+        "points3D.txt" => text::points(&text, file).map(drop),
+        "cameras.bin" => binary::cameras(data, file).map(drop),
+        "images.bin" => binary::images(data, file).map(drop),
+        "points3D.bin" => binary::points(data, file).map(drop),
+        _ => depth_map::decode(data, file).map(drop),
+    };
 }

@@ -2,8 +2,11 @@
 
 use super::camera::Camera;
 use super::{binary, text};
+use crate::files::read_text;
 use crate::geometry::{Pose, Rotation3, UnitQuaternion, Vector3};
+use crate::image::natural_key;
 use crate::sequence::SequenceError;
+use crate::sequence::validate::check_translation;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -35,20 +38,72 @@ pub(super) struct Point {
     pub images: Vec<u32>,
 }
 
-/// Reads `sparse/` or `sparse/0/`; where both formats lie side by side, the binary one, as COLMAP does.
+/// Reads `sparse/`, or the model below it with most images; where both formats lie side by side, the binary one, as COLMAP does.
 pub(super) fn read(workspace: &Path, notes: &mut Vec<String>) -> Result<Model, SequenceError> {
     let sparse = workspace.join("sparse");
-    let folder = [sparse.clone(), sparse.join("0")]
-        .into_iter()
-        .find(|folder| has_model(folder))
-        .ok_or_else(|| SequenceError::Missing {
-            file: sparse.clone(),
+    let below = models_below(&sparse);
+    if has_model(&sparse) {
+        if !below.is_empty() {
+            notes.push(format!(
+                "sparse/ itself is read; it also holds {}, left out",
+                named(&below)
+            ));
+        }
+        return read_folder(&sparse);
+    }
+    if below.len() < 2 {
+        let folder = below.into_iter().next().ok_or_else(|| SequenceError::Missing {
+            file: sparse,
             what: "cameras and images (.txt or .bin)".into(),
             mend: "export COLMAP's model into sparse/ or sparse/0/".into(),
         })?;
-    if sparse.join("1").is_dir() && folder == sparse.join("0") {
-        notes.push("sparse/ holds several models; sparse/0 is read".into());
+        return read_folder(&folder);
     }
+    // COLMAP numbers them as it comes upon them; the first need not be the largest.
+    let mut best: Option<(PathBuf, Model)> = None;
+    let mut counts = Vec::new();
+    for folder in &below {
+        let model = read_folder(folder)?;
+        counts.push(model.images.len().to_string());
+        if best
+            .as_ref()
+            .is_none_or(|(_, best)| model.images.len() > best.images.len())
+        {
+            best = Some((folder.clone(), model));
+        }
+    }
+    let (folder, model) = best.ok_or_else(|| SequenceError::NotRecognised(workspace.to_owned()))?;
+    notes.push(format!(
+        "sparse/ holds several models ({}) of {} images; {} is read, as it has most",
+        named(&below),
+        counts.join(", "),
+        named(&[folder])
+    ));
+    Ok(model)
+}
+
+/// The folders in `sparse` with a model, numbers in their names by value.
+fn models_below(sparse: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(sparse).into_iter().flatten().flatten();
+    let mut below: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| has_model(path))
+        .collect();
+    below.sort_by_cached_key(|folder| natural_key(&folder.to_string_lossy()));
+    below
+}
+
+fn named(folders: &[PathBuf]) -> String {
+    let name = |folder: &PathBuf| {
+        format!(
+            "sparse/{}",
+            folder.file_name().unwrap_or_default().to_string_lossy()
+        )
+    };
+    folders.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
+fn read_folder(folder: &Path) -> Result<Model, SequenceError> {
     let is_binary = folder.join("images.bin").is_file();
     let path = |name: &str| {
         folder
@@ -92,7 +147,7 @@ fn bytes_of(file: &Path) -> Result<Vec<u8>, SequenceError> {
 }
 
 fn text_of(file: &Path) -> Result<String, SequenceError> {
-    std::fs::read_to_string(file).map_err(|source| SequenceError::read(file, source))
+    read_text(file).map_err(|error| SequenceError::read(file, error))
 }
 
 /// Whether a folder holds COLMAP's image list.
@@ -111,9 +166,8 @@ pub(super) fn pose(
 ) -> Result<Pose, SequenceError> {
     let [w, x, y, z] = quaternion;
     let quaternion = Quaternion::new(w, x, y, z);
-    let finite = translation.iter().all(|value| value.is_finite());
-    // Written so that NaN fails.
-    if !((quaternion.norm() - 1.0).abs() < 1e-3 && finite) {
+    // NaN lies in no range.
+    if !(0.999..1.001).contains(&quaternion.norm()) {
         return Err(SequenceError::invalid(
             file,
             place,
@@ -124,9 +178,11 @@ pub(super) fn pose(
             "export the model again",
         ));
     }
+    let translation = Vector3::from(translation);
+    check_translation(&translation, file, place)?;
     let rotation: Rotation3<f64> = UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix();
     Ok(Pose {
         rotation,
-        translation: Vector3::from(translation),
+        translation,
     })
 }

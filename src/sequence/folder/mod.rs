@@ -27,6 +27,8 @@ mod schema;
 mod write;
 
 pub(super) use read::draft;
+#[cfg(feature = "vision")]
+pub(crate) use write::fill;
 pub use write::write;
 
 /// The file that makes a folder a sequence folder.

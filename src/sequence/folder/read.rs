@@ -2,12 +2,13 @@
 
 use super::schema::{FrameEntry, Manifest, PoseEntry, SCHEMA, TruthEntry, Version};
 use super::{MANIFEST, points};
+use crate::files::read_text;
 use crate::geometry::{Pinhole, Pose};
 use crate::image::one_line;
 use crate::sequence::distortion::Distortion;
-use crate::sequence::draft::{DepthSource, Draft, FrameDraft, FrameTruth, folder_name};
+use crate::sequence::draft::{DenseDepth, Draft, FrameDraft, FrameTruth, folder_name};
 use crate::sequence::error::SequenceError;
-use crate::sequence::validate::{check_pinhole, check_pose, inside};
+use crate::sequence::validate::{check_name, check_pinhole, check_pose, inside, is_deviation};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,7 @@ pub fn draft(folder: &Path) -> Result<Draft, SequenceError> {
         ),
     ] {
         if let Some(deviation) = deviation
-            && !(deviation.is_finite() && deviation > 0.0)
+            && !is_deviation(deviation)
         {
             reader.problems.push(SequenceError::invalid(
                 &file,
@@ -69,7 +70,7 @@ pub fn draft(folder: &Path) -> Result<Draft, SequenceError> {
 }
 
 fn parse(file: &Path) -> Result<Manifest, SequenceError> {
-    let text = std::fs::read_to_string(file).map_err(|source| SequenceError::read(file, source))?;
+    let text = read_text(file).map_err(|error| SequenceError::read(file, error))?;
     let syntax = |error: toml::de::Error| {
         let line = error.span().map_or(1, |span| {
             1 + text
@@ -108,19 +109,9 @@ impl FolderReader<'_> {
     fn check_names(&mut self, frames: &[FrameEntry]) {
         let mut seen = BTreeSet::new();
         for (index, frame) in frames.iter().enumerate() {
-            let problem = if frame.name.is_empty() || frame.name.chars().any(char::is_control) {
-                "empty or with control characters".to_owned()
-            } else if !seen.insert(&frame.name) {
-                format!("`{}` is taken by an earlier frame", frame.name)
-            } else {
-                continue;
-            };
-            self.problems.push(SequenceError::invalid(
-                self.file,
-                format!("frames[{index}].name"),
-                problem,
-                "give every frame a name of its own",
-            ));
+            let taken = !seen.insert(&frame.name);
+            self.problems
+                .extend(check_name(&frame.name, taken, self.file, index).err());
         }
     }
 
@@ -148,12 +139,10 @@ impl FolderReader<'_> {
             .and_then(|pose| self.pose(&pose, &field("camera_from_input")));
         let image = self.path(&entry.image, &field("image"));
         let mask = self.path(&entry.mask, &field("mask"));
-        let depth = match entry.depth {
-            None => DepthSource::None,
-            Some(depth) => self
-                .path(&depth, &field("depth"))
-                .map_or(DepthSource::None, DepthSource::Exr),
-        };
+        let depth = entry
+            .depth
+            .and_then(|depth| self.path(&depth, &field("depth")))
+            .map(DenseDepth::Exr);
         let depth_deviation = entry
             .depth_deviation
             .and_then(|deviation| self.path(&deviation, &field("depth_deviation")));
@@ -168,6 +157,7 @@ impl FolderReader<'_> {
             timestamp_s: entry.timestamp_s,
             camera_from_input,
             depth,
+            points: Vec::new(),
             depth_deviation,
             truth,
         })

@@ -2,46 +2,26 @@
 
 use super::schema::SCHEMA;
 use super::{MANIFEST, points};
+use crate::files::Staging;
 use crate::geometry::{Pinhole, Pose};
 use crate::image::{write_depth, write_deviation, write_mask, write_rgb};
 use crate::sequence::{Frame, Sequence, SequenceError, Truth};
-use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Writes `sequence` as the new folder `target`; images become PNG. Refuses a target that exists and names that occur
-/// twice.
+/// Writes `sequence` as the new folder `target`; images become PNG. Refuses a target that exists.
 pub fn write(sequence: &Sequence, target: &Path) -> Result<(), SequenceError> {
+    let failed = |problem| SequenceError::write(target, problem);
     if target.symlink_metadata().is_ok() {
         return Err(SequenceError::TargetExists(target.to_owned()));
     }
-    let mut names = BTreeSet::new();
-    if let Some(frame) = sequence.frames.iter().find(|frame| !names.insert(&frame.name)) {
-        return Err(SequenceError::invalid(
-            target,
-            "frames",
-            format!("the name `{}` occurs twice", frame.name),
-            "give every frame a name of its own",
-        ));
-    }
-    let parent = match target.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let failed = |source| SequenceError::write(target, source);
-    std::fs::create_dir_all(parent).map_err(failed)?;
-    let scratch = tempfile::Builder::new()
-        .prefix(".spba-")
-        .tempdir_in(parent)
-        .map_err(failed)?;
-    // One level down: the scratch folder itself is private to its owner, what we leave should not be.
-    let folder = scratch.path().join("sequence");
-    create(&folder)?;
-    fill(sequence, &folder)?;
-    std::fs::rename(&folder, target).map_err(failed)
+    let staging = Staging::beside(target).map_err(failed)?;
+    fill(sequence, staging.path())?;
+    staging.publish().map_err(failed)
 }
 
-fn fill(sequence: &Sequence, folder: &Path) -> Result<(), SequenceError> {
+/// Writes what a sequence folder holds into `folder`, which is empty.
+pub(crate) fn fill(sequence: &Sequence, folder: &Path) -> Result<(), SequenceError> {
     let stems = file_stems(&sequence.frames);
     let mut manifest = header();
     for (field, deviation) in [
@@ -168,7 +148,7 @@ mod tests {
     use super::*;
     use crate::geometry::{Rotation3, Vector3};
     use crate::image::Grid;
-    use crate::sequence::{LoadOptions, load};
+    use crate::sequence::{LoadOptions, SequenceContent, load};
 
     fn pose(angle: f64) -> Pose {
         Pose {
@@ -193,7 +173,7 @@ mod tests {
             depth: (name != "b").then(|| Grid::from_fn(8, 6, |c, r| (c * r) as f32 * 0.1)),
             depth_deviation: (name == "a").then(|| Grid::from_fn(8, 6, |c, r| (c + r) as f32 * 0.001)),
         });
-        Sequence {
+        Sequence::new(SequenceContent {
             name: "sample".into(),
             frames: frames.into(),
             motion_deviation: Some(0.01),
@@ -203,7 +183,8 @@ mod tests {
                 depth: vec![Grid::filled(8, 6, 0.3), Grid::filled(8, 6, 0.0)],
                 shape: vec![[0.1, 0.2, 0.3], [-1.0, 0.0, 1e-9]],
             }),
-        }
+        })
+        .unwrap()
     }
 
     fn assert_same(a: &Sequence, b: &Sequence) {
@@ -235,15 +216,16 @@ mod tests {
     fn the_window_picks_frames_and_their_truth() {
         let parent = tempfile::tempdir().unwrap();
         let target = parent.path().join("sample");
-        let mut sequence = sample(["a", "b"]);
+        let mut content = sample(["a", "b"]).into_content();
         let last = Frame {
             name: "c".into(),
-            ..sequence.frames[0].clone()
+            ..content.frames[0].clone()
         };
-        sequence.frames.push(last);
-        let truth = sequence.truth.as_mut().unwrap();
+        content.frames.push(last);
+        let truth = content.truth.as_mut().unwrap();
         truth.camera_from_object.push(pose(2.0));
         truth.depth.push(Grid::filled(8, 6, 7.0));
+        let sequence = Sequence::new(content).unwrap();
         write(&sequence, &target).unwrap();
         let window = crate::sequence::FrameWindow::parse("0..3", 2).unwrap();
         let picked = load(&target, &LoadOptions { depth: None, window }).unwrap();
@@ -255,16 +237,9 @@ mod tests {
                 .collect::<Vec<_>>(),
             ["a", "c"]
         );
-        let truth = picked.truth.unwrap();
+        let truth = picked.truth.as_ref().unwrap();
         assert_eq!(truth.camera_from_object, [pose(0.1), pose(2.0)]);
         assert_eq!(truth.depth[1][(0, 0)], 7.0);
-    }
-
-    #[test]
-    fn a_name_that_occurs_twice_is_refused() {
-        let parent = tempfile::tempdir().unwrap();
-        assert!(write(&sample(["a", "a"]), &parent.path().join("sample")).is_err());
-        assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 0);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::{Habit, read};
 use crate::geometry::Pose;
 use crate::sequence::SequenceError;
 use crate::sequence::distortion::Distortion;
-use crate::sequence::draft::{DepthSource, FrameDraft};
+use crate::sequence::draft::{DenseDepth, FrameDraft};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -46,7 +46,7 @@ pub(in crate::sequence) fn attach(
         match check_camera(file, map, frame, pose) {
             Ok(habit) => {
                 habits.insert(habit);
-                frame.depth = DepthSource::OpenMvsMap(file.clone());
+                frame.depth = Some(DenseDepth::OpenMvsMap(file.clone()));
             }
             Err(problem) => problems.push(problem),
         }

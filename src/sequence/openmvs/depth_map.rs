@@ -30,7 +30,7 @@ pub(in crate::sequence) fn read(file: &Path) -> Result<OpenMvsDepth, SequenceErr
     decode(&data, file)
 }
 
-fn decode(data: &[u8], file: &Path) -> Result<OpenMvsDepth, SequenceError> {
+pub(super) fn decode(data: &[u8], file: &Path) -> Result<OpenMvsDepth, SequenceError> {
     let again = "run DensifyPointCloud again";
     let mut bytes = Bytes::new(file, data);
     if bytes.take(2, "magic number")? != b"DR" {

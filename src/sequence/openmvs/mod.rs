@@ -20,10 +20,11 @@ pub(super) mod depth_map;
 mod scene;
 
 use super::distortion::Distortion;
-use super::draft::{DepthSource, Draft, FrameDraft, folder_name};
+use super::draft::{DenseDepth, Draft, FrameDraft, folder_name};
 use super::error::SequenceError;
 use super::workspace;
 use crate::geometry::Pinhole;
+use crate::image::natural_key;
 use depth_map::OpenMvsDepth;
 use scene::Scene;
 use std::path::{Path, PathBuf};
@@ -64,7 +65,7 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
     let times = workspace::times(input)?;
     project
         .depth_maps
-        .sort_by(|(_, a), (_, b)| a.image_name.cmp(&b.image_name));
+        .sort_by_cached_key(|(_, map)| natural_key(&map.image_name));
     let files: Vec<String> = project
         .depth_maps
         .iter()
@@ -104,7 +105,8 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
             calibrated_size: Some(map.image_size),
             timestamp_s: workspace::time_of(&times, image),
             camera_from_input: Some(map.camera_from_world),
-            depth: DepthSource::OpenMvsMap(file.clone()),
+            depth: Some(DenseDepth::OpenMvsMap(file.clone())),
+            points: Vec::new(),
             depth_deviation: None,
             truth: None,
         });
@@ -193,6 +195,16 @@ fn image_name_below(images: &Path, path: &str) -> String {
             _ => return tail.to_owned(),
         }
     }
+}
+
+/// Reads one file's bytes, for the targets in `fuzz/`.
+#[cfg(fuzzing)]
+pub(super) fn fuzz(name: &str, data: &[u8]) {
+    let file = Path::new(name);
+    let _ = match name {
+        SCENE => scene::decode(data, file).map(drop),
+        _ => depth_map::decode(data, file).map(drop),
+    };
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ pub(super) fn read(file: &Path) -> Result<Scene, SequenceError> {
     decode(&data, file)
 }
 
-fn decode(data: &[u8], file: &Path) -> Result<Scene, SequenceError> {
+pub(super) fn decode(data: &[u8], file: &Path) -> Result<Scene, SequenceError> {
     let mut bytes = Bytes::new(file, data);
     let export = "export the interface format (MVSI) with InterfaceCOLMAP";
     match bytes.take(4, "magic number")? {

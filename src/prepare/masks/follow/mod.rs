@@ -18,9 +18,9 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// About a box there must be so much more, as a share of its size, for a saliency network to tell what stands out.
-const MARGIN: f64 = 0.35;
+pub(super) const MARGIN: f64 = 0.35;
 /// The class network sees most in a narrower part.
-const CLASS_MARGIN: f64 = 0.2;
+pub(super) const CLASS_MARGIN: f64 = 0.2;
 /// The saliency network looks at every so many frames; at others where it must.
 const STEP: usize = 2;
 /// Masks that overlap less (intersection over union) do not agree.
@@ -28,7 +28,7 @@ const AGREEMENT: f64 = 0.9;
 /// A mask whose own box overlaps the detected one less is not the object's.
 const FIT: f64 = 0.65;
 /// Beyond the detected box by a larger share of its size there is no object, unless the class network knows better.
-const LOOSE: f64 = 0.1;
+pub(super) const LOOSE: f64 = 0.1;
 /// Differences of a smaller share of the mask are not looked at.
 const LEAST_PART: f64 = 0.005;
 /// Parts narrower than twice this share of the longer side of the picture are no parts.
@@ -153,7 +153,7 @@ fn agreement(a: &Mask, b: &Mask) -> f64 {
     if any > 0 { both as f64 / any as f64 } else { 1.0 }
 }
 
-fn mask_of(likelihood: &Likelihood) -> Result<Mask, cxx::Exception> {
+pub(super) fn mask_of(likelihood: &Likelihood) -> Result<Mask, cxx::Exception> {
     let (width, height) = likelihood.size();
     let likely = likelihood.data().iter().map(|&x| u8::from(x > LIKELY)).collect();
     cleaned(likely, width, height, 1)
@@ -178,7 +178,7 @@ fn mean(likelihoods: &[(f64, Likelihood)]) -> Option<Likelihood> {
 }
 
 /// `own`, with each part in which `other` differs decided by how likely it is of the class.
-fn settled(own: &Mask, other: &Mask, class: &Likelihood) -> Result<Mask, cxx::Exception> {
+pub(super) fn settled(own: &Mask, other: &Mask, class: &Likelihood) -> Result<Mask, cxx::Exception> {
     let (width, height) = own.size();
     let differ: Vec<u8> = own
         .data()

@@ -27,6 +27,7 @@ fn photos(post: Option<usize>) -> (Vec<Photo>, Vec<Mask>) {
                 seconds: None,
                 focal_px: None,
                 scale: 1.0,
+                origin: crate::prepare::Origin::Video,
             };
             (photo, mask)
         })

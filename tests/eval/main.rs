@@ -3,15 +3,18 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use spba_ceres::geometry::{Pinhole, Pose, Rotation3, Vector3};
+use spba_ceres::geometry::{Pose, Rotation3, Vector3};
 use spba_ceres::image::Grid;
 use spba_ceres::init::Estimate;
-use spba_ceres::report::{ReportInput, Surface};
-use spba_ceres::sequence::{Frame, Sequence, Truth};
-use spba_ceres::solver::{Evaluations, ObjectiveValue, Solution, Termination};
+use spba_ceres::sequence::Truth;
 use std::path::Path;
 
+#[path = "../fixture/mod.rs"]
 mod fixture;
+mod platform;
+mod rendered;
+
+use rendered::{rendered, write_result, write_result_of};
 
 fn eval(arguments: &[&Path]) -> Command {
     let mut command = Command::cargo_bin("spba-ceres").unwrap();
@@ -28,112 +31,6 @@ fn json(command: &mut Command) -> Value {
         .stdout
         .clone();
     serde_json::from_slice(&output).unwrap()
-}
-
-/// An ellipsoid on a turning platform. The input's poses are true, in a frame of its own with scale 0.5.
-fn rendered() -> (Surface, Sequence, Estimate) {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    let points = (0..3000).map(|i| {
-        let y = 1.0 - 2.0 * (f64::from(i) + 0.5) / 3000.0;
-        let (ring, angle) = ((1.0 - y * y).sqrt(), golden * f64::from(i));
-        Vector3::new(0.2 * ring * angle.cos(), 0.15 * y, 0.4 * ring * angle.sin())
-    });
-    let surface = Surface::from_points(points.collect());
-    let camera = Pinhole {
-        fx: 150.0,
-        fy: 150.0,
-        cx: 64.0,
-        cy: 48.0,
-    };
-    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-    let poses: Vec<_> = (0..4)
-        .map(|i| Pose {
-            rotation: down * Rotation3::from_axis_angle(&Vector3::y_axis(), 0.1 * f64::from(i)),
-            translation: Vector3::new(0.0, 0.0, 1.5),
-        })
-        .collect();
-    let views: Vec<_> = poses
-        .iter()
-        .map(|pose| surface.render(&camera, pose, (128, 96)))
-        .collect();
-    let frames = poses
-        .iter()
-        .zip(&views)
-        .enumerate()
-        .map(|(i, (pose, view))| Frame {
-            name: format!("{i:03}.png"),
-            image: Grid::filled(128, 96, [90.0; 3]).into(),
-            mask: view.mask(),
-            camera,
-            timestamp_s: Some(i as f64),
-            camera_from_input: Some(Pose {
-                translation: pose.translation / 0.5,
-                ..*pose
-            }),
-            depth: None,
-            depth_deviation: None,
-        });
-    let sequence = Sequence {
-        name: "ellipsoid".into(),
-        frames: frames.collect(),
-        motion_deviation: None,
-        focal_deviation: None,
-        truth: Some(Truth {
-            camera_from_object: poses.clone(),
-            depth: views.iter().map(|view| view.depth.clone()).collect(),
-            shape: surface
-                .points()
-                .iter()
-                .map(|p| p.map(|c| c as f32).into())
-                .collect(),
-        }),
-    };
-    let estimate = Estimate {
-        camera_from_object: poses,
-        style: vec![],
-        alpha: 0.5,
-        focal_factor: 1.0,
-    };
-    (surface, sequence, estimate)
-}
-
-/// A result that says that it was solved from `input`, with the configuration `config`.
-fn write_result_of(
-    (input, config): (&Path, &str),
-    surface: &Surface,
-    sequence: &Sequence,
-    estimate: Estimate,
-    out: &Path,
-) {
-    let solution = Solution {
-        estimate,
-        free_form: Vec::new(),
-        canonical_from_shape: None,
-        objective_start: ObjectiveValue::default(),
-        objective_end: ObjectiveValue::default(),
-        evaluations: Evaluations::default(),
-        iterations: 0,
-        termination: Termination::Converged,
-        hypotheses: vec![],
-        steps: vec![],
-        trace: vec![],
-        seconds: vec![],
-    };
-    let input = ReportInput {
-        sequence,
-        solution: &solution,
-        surface,
-        input: input.to_str().unwrap(),
-        prior: "none 1",
-        config,
-        peak_memory_mb: None,
-    };
-    spba_ceres::report::write(&input, out).unwrap();
-}
-
-/// The same where the input does not matter.
-fn write_result(surface: &Surface, sequence: &Sequence, estimate: Estimate, out: &Path) {
-    write_result_of((Path::new("ellipsoid"), ""), surface, sequence, estimate, out);
 }
 
 #[test]
@@ -190,16 +87,18 @@ fn the_input_beside_a_result_is_what_it_was_solved_from() {
     let (surface, sequence, estimate) = rendered();
     // The truth's own input is exact. In the other one every camera but the first is 1° off about its optical axis.
     spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
-    let mut other = sequence.clone();
-    other.truth = None;
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), 1f64.to_radians());
-    for pose in other.frames[1..]
-        .iter_mut()
-        .filter_map(|f| f.camera_from_input.as_mut())
-    {
-        pose.rotation = roll * pose.rotation;
-        pose.translation = roll * pose.translation;
-    }
+    let other = sequence.clone().edited(|content| {
+        content.truth = None;
+        for pose in content.frames[1..]
+            .iter_mut()
+            .filter_map(|f| f.camera_from_input.as_mut())
+        {
+            pose.rotation = roll * pose.rotation;
+            pose.translation = roll * pose.translation;
+        }
+    });
+    let other = other.unwrap();
     spba_ceres::sequence::write(&other, &path("other")).unwrap();
     write_result_of(
         (&path("other"), ""),
@@ -256,7 +155,10 @@ fn the_input_beside_a_result_is_what_it_was_solved_from() {
     ));
 
     // Another input under that name.
-    other.frames.pop();
+    let other = other.edited(|content| {
+        content.frames.pop();
+    });
+    let other = other.unwrap();
     spba_ceres::sequence::write(&other, &path("other")).unwrap();
     left_out("result", "/other has no frame 003.png of the result");
     let named = judged("result")
@@ -271,13 +173,14 @@ fn the_input_beside_a_result_is_what_it_was_solved_from() {
     );
 
     // An input without poses has none to be judged by.
-    for frame in &mut other.frames {
-        frame.camera_from_input = None;
-    }
-    other.frames.push(Frame {
-        camera_from_input: None,
-        ..sequence.frames[3].clone()
+    let other = other.edited(|content| {
+        content.frames.push(sequence.frames[3].clone());
+        content
+            .frames
+            .iter_mut()
+            .for_each(|frame| frame.camera_from_input = None);
     });
+    let other = other.unwrap();
     spba_ceres::sequence::write(&other, &path("still")).unwrap();
     let (errors, notes) = json_and_notes(judged("result").arg("--input").arg(path("still")));
     assert!(errors["input"].is_null(), "{errors}");
@@ -374,8 +277,8 @@ fn openmvs_depth_is_judged_with_its_colmap_workspace() {
     fixture::workspace(&path("workspace"));
     fixture::openmvs(&path("openmvs"), 5, 0.0);
     // The truth is half as large, and everywhere 0.01 further away than openMVS says.
-    let mut sequence = spba_ceres::sequence::load(&path("workspace"), &Default::default()).unwrap();
-    sequence.truth = Some(Truth {
+    let sequence = spba_ceres::sequence::load(&path("workspace"), &Default::default()).unwrap();
+    let truth = Truth {
         camera_from_object: (0..3)
             .map(|frame| Pose {
                 translation: -0.5 * Vector3::from(fixture::center(frame)),
@@ -390,7 +293,8 @@ fn openmvs_depth_is_judged_with_its_colmap_workspace() {
             })
             .collect(),
         shape: vec![[0.0; 3]],
-    });
+    };
+    let sequence = sequence.edited(|content| content.truth = Some(truth)).unwrap();
     spba_ceres::sequence::write(&sequence, &path("truth")).unwrap();
     let mut command = eval(&[&path("workspace"), Path::new("--truth"), &path("truth")]);
     let errors = &json(command.arg("--depth").arg(path("openmvs")))["input"];
@@ -463,57 +367,6 @@ fn location_errors_are_those_of_evo() {
     assert!(
         (mean - ours).abs() < 1e-6 && ours > 0.01,
         "evo {mean}, ours {ours}"
-    );
-}
-
-#[test]
-fn a_result_and_its_input_against_a_platform() {
-    let home = tempfile::tempdir().unwrap();
-    let path = |name: &str| home.path().join(name);
-    let (surface, sequence, estimate) = rendered();
-    spba_ceres::sequence::write(&sequence, &path("input")).unwrap();
-    write_result(&surface, &sequence, estimate, &path("result"));
-    // 0.1 rad a second.
-    std::fs::write(
-        path("turn.txt"),
-        format!("full_turn_seconds {}\nsense 1\n", 20.0 * std::f64::consts::PI),
-    )
-    .unwrap();
-    std::fs::write(path("times.txt"), "000.png 0\n001.png 1\n002.png 2\n003.png 3\n").unwrap();
-    let mut command = eval(&[&path("result"), Path::new("--turn"), &path("turn.txt")]);
-    command
-        .arg("--times")
-        .arg(path("times.txt"))
-        .arg("--input")
-        .arg(path("input"));
-    let errors = json(&mut command);
-    for column in ["result", "input"] {
-        assert!(
-            errors[column]["summary"]["max"].as_f64().unwrap() < 1e-6,
-            "{errors}"
-        );
-        assert_eq!(errors[column]["frames"].as_array().unwrap().len(), 4);
-    }
-}
-
-#[test]
-fn the_poses_of_a_real_platform_are_as_good_as_they_were_measured_to_be() {
-    let shared = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/natural/epfl_04");
-    let shared = Path::new(shared);
-    if !shared.exists() {
-        println!("skipped: no ../shared/natural/epfl_04");
-        return;
-    }
-    let mut command = eval(&[shared, Path::new("--turn"), &shared.join("turn.txt")]);
-    let errors = json(command.arg("--times").arg(shared.join("times.txt")));
-    // An independent fit of the same 16 poses gives 0.508° mean, 0.803° max.
-    assert!(
-        (errors["input"]["summary"]["mean"].as_f64().unwrap() - 0.508).abs() < 0.002,
-        "{errors}"
-    );
-    assert!(
-        (errors["input"]["summary"]["max"].as_f64().unwrap() - 0.803).abs() < 0.002,
-        "{errors}"
     );
 }
 

@@ -1,0 +1,6 @@
+//! Binary glTF.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(init: spba_ceres::quiet_guarded_panics(), |data: &[u8]| {
+    let _ = spba_ceres::cad::load(&spba_ceres_fuzz::folder_with("a.glb", data).join("a.glb"));
+});
