@@ -191,7 +191,6 @@ Problem::Problem(std::shared_ptr<Footage> footage, rust::Box<PriorCallback> prio
   if (terms.style.weight > 0) {
     StyleOptions options;
     options.weight = terms.style.weight;
-    options.reach = terms.style.reach;
     objective_.Add(MakeStyleTerm(options));
   }
   if (terms.motion.weight > 0 && !terms.motion.motions.empty()) {
@@ -333,6 +332,8 @@ std::unique_ptr<Visibility> new_visibility(const Problem& problem, const Visibil
                                 seen.inverse_depth,
                                 {seen.by_column, seen.by_row}}};
       });
+  Require(input.silhouette_weights.size() <= static_cast<size_t>(points), "no such point");
+  visibility.silhouette_weights.assign(input.silhouette_weights.begin(), input.silhouette_weights.end());
   return std::make_unique<Visibility>(std::move(visibility));
 }
 

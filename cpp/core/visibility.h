@@ -57,6 +57,13 @@ struct Visibility {
   std::vector<Pair> pairs;
   PointLists<Comparison> comparisons;
   PointLists<SeenDepth> depths;
+  // What a point's way to the silhouettes' pixels weighs, for the first so many points; 1 for the others.
+  std::vector<double> silhouette_weights;
+
+  double SilhouetteWeight(int j) const {
+    return static_cast<size_t>(j) < silhouette_weights.size() ? silhouette_weights[static_cast<size_t>(j)]
+                                                              : 1.0;
+  }
 };
 
 }  // namespace spba

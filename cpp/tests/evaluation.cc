@@ -44,8 +44,7 @@ std::vector<Case> Cases(const Scene& scene, const Variables& start) {
   add("silhouette, weak perspective", false, true).Add(silhouette(0.7, 0.5));
   add("inverse depth, wide Huber", true, false).Add(MakeInverseDepthTerm({1000.0, 10.0, kFrames}));
   add("inverse depth", true, false).Add(MakeInverseDepthTerm({1000.0, 0.003, kFrames}));
-  add("style", false, false).Add(MakeStyleTerm({3.0, 0.0}));
-  add("style beyond its reach", false, false).Add(MakeStyleTerm({3.0, 0.4}));
+  add("style", false, false).Add(MakeStyleTerm({3.0}));
   add("motion", false, false).Add(MakeMotionTerm(Motions(start)));
   add("focal", false, false).Add(MakeFocalTerm({0.03}));
   AddAllTerms(scene, start, &add("all terms", false, false));

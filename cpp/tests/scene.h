@@ -111,6 +111,7 @@ struct Scene {
     visibility.comparisons = PointLists<Comparison>(
         kPoints, comparisons.size(), [&](size_t i) { return of[i]; },
         [&](size_t i) { return comparisons[i]; });
+    for (int j = 0; j < kPoints / 2; ++j) visibility.silhouette_weights.push_back(1.0 + 0.25 * (j % 4));
     std::vector<SeenDepth> depths;
     of.clear();
     for (int j = 0; j < kPoints; j += 2) {
@@ -210,7 +211,7 @@ inline void AddAllTerms(const Scene& scene, const Variables& start, Objective* o
   objective->Add(MakePhotometricTerm({1e-3, 20.0}));
   objective->Add(MakeSilhouetteTerm(Silhouettes(scene, 0.7, 0.5)));
   objective->Add(MakeInverseDepthTerm({1000.0, 0.003, kFrames}));
-  objective->Add(MakeStyleTerm({3.0, 1.0}));
+  objective->Add(MakeStyleTerm({3.0}));
   objective->Add(MakeMotionTerm(Motions(start)));
   objective->Add(MakeFocalTerm({0.03}));
 }

@@ -83,8 +83,6 @@ pub mod ffi {
     /// −log p(s) = ½‖s‖².
     struct StyleTerm {
         weight: f64,
-        /// ‖s‖ from which the term rises steeply; 0 = nowhere.
-        reach: f64,
     }
 
     /// b_from_a of the off-the-shelf reconstruction, in its units; the rotation row-major.
@@ -157,6 +155,8 @@ pub mod ffi {
         pairs: Vec<FramePair>,
         comparisons: Vec<Comparison>,
         depths: Vec<SeenDepth>,
+        /// By point of those that look for a silhouette's pixel.
+        silhouette_weights: Vec<f64>,
     }
 
     /// camera_from_object; the rotation row-major.

@@ -4,7 +4,7 @@
 //! Two passes in linear time and integer arithmetic (nearest row within each column, then the lower envelope
 //! of one parabola per column along each row), so every cell's answer is exact.
 
-use super::Mask;
+use super::{Grid, Mask};
 
 /// Cells beyond each edge of the image for which the nearest pixel is tabulated too.
 const PADDING: usize = 64;
@@ -72,6 +72,19 @@ impl NearestPixel {
     /// of the *mask*.
     pub fn into_indices(self) -> Vec<u32> {
         self.indices
+    }
+
+    /// How far each pixel of the image lies outside the mask, in whole pixels, at most 255: 0 within it.
+    pub fn distances(&self) -> Grid<u8> {
+        let (width, height) = (self.width - 2 * PADDING, self.height - 2 * PADDING);
+        Grid::from_fn(width, height, |column, row| {
+            let index = self.indices[(row + PADDING) * self.width + column + PADDING] as usize;
+            let (across, down) = (
+                (index % self.mask_width).abs_diff(column),
+                (index / self.mask_width).abs_diff(row),
+            );
+            ((across * across + down * down).isqrt()).min(255) as u8
+        })
     }
 
     /// The centre of the mask pixel nearest to the image point (`u`, `v`), anywhere in the plane.

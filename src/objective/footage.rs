@@ -4,7 +4,7 @@ use super::ObjectiveError;
 use super::inverse_depth::KnownDepths;
 use crate::bridge::ceres::{Colours, ffi};
 use crate::geometry::Pinhole;
-use crate::image::{NearestPixel, pyramid};
+use crate::image::{Grid, NearestPixel, pyramid};
 use crate::sequence::Sequence;
 use cxx::SharedPtr;
 use rayon::prelude::*;
@@ -20,6 +20,8 @@ pub struct Footage<'a> {
     pub(super) shared: SharedPtr<ffi::Footage>,
     /// One per frame.
     pub(super) depths: Arc<[KnownDepths]>,
+    /// One per frame: see [`NearestPixel::distances`].
+    pub(super) outside_px: Arc<[Grid<u8>]>,
 }
 
 impl<'a> Footage<'a> {
@@ -34,7 +36,8 @@ impl<'a> Footage<'a> {
             let lookup = NearestPixel::new(&frame.mask).ok_or_else(empty)?;
             let (grid_width, grid_height) = lookup.size();
             let images = pyramid(frame.image.clone(), levels).into_iter().enumerate();
-            Ok(ffi::FrameFootage {
+            let outside_px = lookup.distances();
+            let footage = ffi::FrameFootage {
                 camera: camera(&frame.camera),
                 levels: images
                     .map(|(level, image)| {
@@ -53,15 +56,18 @@ impl<'a> Footage<'a> {
                     boundary: super::silhouette::boundary(&frame.mask),
                     nearest: lookup.into_indices(),
                 },
-            })
+            };
+            Ok((footage, outside_px))
         });
-        let frames = frames.collect::<Result<_, ObjectiveError>>()?;
+        let frames = frames.collect::<Result<Vec<_>, ObjectiveError>>()?;
+        let (frames, outside_px): (Vec<_>, Vec<_>) = frames.into_iter().unzip();
         let depths: Vec<_> = sequence.frames.par_iter().map(KnownDepths::new).collect();
         Ok(Self {
             sequence,
             levels,
             shared: ffi::new_footage(frames)?,
             depths: depths.into(),
+            outside_px: outside_px.into(),
         })
     }
 

@@ -16,7 +16,8 @@ use options::{MOTION_CAUCHY, MOTION_WEIGHT, limit};
 pub use options::{ObjectiveOptions, Pairs};
 
 use crate::bridge::ceres::{Observer, PriorCallback, ffi};
-use crate::geometry::{Matrix3, Pose, Rotation3};
+use crate::geometry::{Matrix3, Pose, Rotation3, Vector3};
+use crate::image::Grid;
 use crate::init::Estimate;
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
@@ -51,6 +52,7 @@ pub struct Objective<'a> {
     sequence: &'a Sequence,
     /// One per frame.
     depths: Arc<[KnownDepths]>,
+    outside_px: Arc<[Grid<u8>]>,
     prior: Arc<dyn ShapePrior>,
     /// Of the points that are looked at, in the prior's mean shape.
     neighbourhoods: Neighbourhoods,
@@ -110,7 +112,7 @@ impl<'a> Objective<'a> {
         let problem = ffi::new_problem(
             footage.shared.clone(),
             Box::new(PriorCallback::new(prior.clone(), points.max(targets))),
-            &terms(sequence, &options, prior.style_len(), target, start.alpha),
+            &terms(sequence, &options, target, start.alpha),
         )?;
         let mut mean = vec![0.0; 3 * options.points];
         prior.points(&vec![0.0; prior.style_len()], &mut mean);
@@ -118,6 +120,7 @@ impl<'a> Objective<'a> {
             problem,
             sequence,
             depths: footage.depths.clone(),
+            outside_px: footage.outside_px.clone(),
             neighbourhoods: Neighbourhoods::of(&mean),
             prior,
             pairs: options.pairs.of(frames, target),
@@ -162,6 +165,7 @@ impl<'a> Objective<'a> {
             pairs: Vec::new(),
             comparisons: Vec::new(),
             depths: Vec::new(),
+            silhouette_weights: self.silhouette_weights(&points, estimate),
         };
         if photometric {
             let weight = 1.0 / self.pairs.len().max(1) as f64;
@@ -191,6 +195,33 @@ impl<'a> Objective<'a> {
         Ok(Visibility {
             input: ffi::new_visibility(&self.problem, &input)?,
         })
+    }
+
+    /// What each point's distances outside the masks weigh: more, the more frames agree that it is outside. A mask that leaks is alone in what it
+    /// shows, and so is one that lacks a part; the robust loss of [`ObjectiveOptions::silhouette_cauchy`] cannot tell them from a shape that is wrong.
+    fn silhouette_weights(&self, points: &[f64], estimate: &Estimate) -> Vec<f64> {
+        let agreed = self.options.silhouette_agreement;
+        if self.options.silhouette_weight == 0.0 || agreed == 0.0 {
+            return Vec::new();
+        }
+        let frames = &self.sequence.frames;
+        let unit_px = silhouette::unit_px(frames, self.options.silhouette_size);
+        let outside_px = &self.outside_px;
+        let used = limit(self.options.silhouette_points, self.options.points);
+        let points: Vec<_> = points[..3 * used]
+            .chunks_exact(3)
+            .map(Vector3::from_column_slice)
+            .collect();
+        let outside = threads::map(frames.len(), self.threads, |l| {
+            let (camera, pose) = (
+                estimate.camera(&frames[l].camera),
+                &estimate.camera_from_object[l],
+            );
+            silhouette::outside(&outside_px[l], &camera, pose, &points, unit_px)
+        });
+        (0..used)
+            .map(|j| 1.0 + agreed * silhouette::agreement(outside.iter().filter_map(|frame| frame[j])))
+            .collect()
     }
 
     /// L and its terms.
@@ -293,14 +324,8 @@ impl<'a> Objective<'a> {
     }
 }
 
-/// The terms with their weights, for `styles` styles and a solver that starts at `alpha`.
-fn terms(
-    sequence: &Sequence,
-    options: &ObjectiveOptions,
-    styles: usize,
-    target: usize,
-    alpha: f64,
-) -> ffi::Terms {
+/// The terms with their weights, for a solver that starts at `alpha`.
+fn terms(sequence: &Sequence, options: &ObjectiveOptions, target: usize, alpha: f64) -> ffi::Terms {
     let frames = sequence.frames.len();
     let held = options.motion_deviation.filter(|&deviation| deviation > 0.0);
     let pairs = options.pairs.of(frames, target);
@@ -327,7 +352,6 @@ fn terms(
         },
         style: ffi::StyleTerm {
             weight: options.style_weight,
-            reach: options.style_reach * (styles as f64).sqrt(),
         },
         motion: ffi::MotionTerm {
             weight: held.map_or(0.0, |deviation| share_of_pair * MOTION_WEIGHT / deviation.powi(2)),

@@ -28,8 +28,12 @@ const MOST_OFF_CENTRE: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
 const MOST_MOVED: f64 = 1.0;
 /// Priors that ship inside the library.
-const BUNDLED: [(&str, &[u8]); 3] = [
+const BUNDLED: [(&str, &[u8]); 4] = [
     ("car", include_bytes!("../../data/priors/car.safetensors")),
+    (
+        "car-surface",
+        include_bytes!("../../data/priors/car-surface.safetensors"),
+    ),
     ("chair", include_bytes!("../../data/priors/chair.safetensors")),
     (
         "airplane",
@@ -162,7 +166,7 @@ pub enum PriorError {
     NotSymmetric(usize),
 }
 
-/// A bundled prior by its category (`car`), or the file that `name_or_path` points to.
+/// A bundled prior by its name (`car`), or the file that `name_or_path` points to.
 pub fn find(name_or_path: &str) -> Result<LearnedPrior, PriorError> {
     open(name_or_path).map(|(prior, _)| prior)
 }

@@ -7,9 +7,9 @@ use super::FrameResult;
 const EXPLAINED_IOU: f64 = 0.75;
 /// Below this, a result is to be looked at before it is used. The chair prior gets 0.75 and 0.80 from epfl_04 and 10.
 const DOUBTFUL_IOU: f64 = 0.82;
-/// Lengths of a style, in √S, the usual length, that no known object needs: right results of these three have 1.3 to 1.6, those of the
-/// chair prior, also of the bundled car, where silhouettes alone do not betray it (0.88), 1.8 to 2.0.
-const UNLIKELY_STYLE: f64 = 1.7;
+/// Lengths of a style, in √S, the usual length, that no known object needs: right results of these three have 0.7 to 1.0, those of the
+/// chair prior, also of the bundled car, where silhouettes alone do not betray it (0.88), 2.0 to 2.8.
+const UNLIKELY_STYLE: f64 = 1.5;
 /// A focal length may differ from what was known of it by so many of its standard deviations: right results differ by less than one.
 const LIKELY_FOCAL: f64 = 3.5;
 /// No focal length is known better than this, whatever few features say.

@@ -18,9 +18,13 @@ struct Matches {
 
 class SilhouetteVisit : public Visit {
  public:
-  SilhouetteVisit(const Views& views, const Footage& footage, const SilhouetteOptions& options,
-                  const Loss& loss, int threads)
-      : footage_(footage), options_(options), loss_(loss), matches_(options.frames.size()) {
+  SilhouetteVisit(const Views& views, const Footage& footage, const Visibility& visibility,
+                  const SilhouetteOptions& options, const Loss& loss, int threads)
+      : footage_(footage),
+        visibility_(visibility),
+        options_(options),
+        loss_(loss),
+        matches_(options.frames.size()) {
     ParallelFor(static_cast<int>(matches_.size()), threads, [&](int l) { Match(views, l); });
   }
 
@@ -33,7 +37,7 @@ class SilhouetteVisit : public Visit {
         const bool own = *k < 0;
         Add(static_cast<int>(l),
             own ? matches.pixel_of_point[static_cast<size_t>(j)] : share.pixels[static_cast<size_t>(*k)],
-            own ? share.point_weight : share.pixel_weight, system);
+            own ? share.point_weight * visibility_.SilhouetteWeight(j) : share.pixel_weight, system);
       }
     }
   }
@@ -97,6 +101,7 @@ class SilhouetteVisit : public Visit {
   }
 
   const Footage& footage_;
+  const Visibility& visibility_;
   const SilhouetteOptions& options_;
   const Loss& loss_;
   std::vector<Matches> matches_;
@@ -147,17 +152,19 @@ class SilhouetteTerm : public Term {
     options_.weight *= 2.0 / static_cast<double>(options_.frames.size());
   }
 
-  std::unique_ptr<const Visit> Begin(const Views& views, const Footage& footage, const Visibility&,
+  std::unique_ptr<const Visit> Begin(const Views& views, const Footage& footage, const Visibility& visibility,
                                      int threads) const override {
-    return std::make_unique<SilhouetteVisit>(views, footage, options_, loss_, threads);
+    return std::make_unique<SilhouetteVisit>(views, footage, visibility, options_, loss_, threads);
   }
 
-  void AddBlocks(const Visibility&, BlockProblem* problem) const override {
+  void AddBlocks(const Visibility& visibility, BlockProblem* problem) const override {
     const auto add = [&](int l, SilhouetteBlock::Side side, int count, double side_weight) {
       for (int i = 0; i < count; ++i) {
+        const double own =
+            side == SilhouetteBlock::Side::kPointToPixel ? visibility.SilhouetteWeight(i) : 1.0;
         problem->Add(std::make_unique<SilhouetteBlock>(problem->state(), this, options_, l, loss_.SoftWidth(),
                                                        side, i),
-                     problem->Scaled(options_.weight * side_weight, loss_));
+                     problem->Scaled(options_.weight * (side_weight * own), loss_));
       }
     };
     for (size_t l = 0; l < options_.frames.size(); ++l) {

@@ -10,7 +10,6 @@ namespace spba {
 
 struct StyleOptions {
   double weight = 1.0;  // of -log p(s) = |s|^2 / 2
-  double reach = 0.0;   // |s| from which it rises steeply; 0 = nowhere
 };
 
 std::unique_ptr<const Term> MakeStyleTerm(const StyleOptions& options);
