@@ -14,15 +14,18 @@ use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::{Checked, USize64};
 use gltf::json::{Accessor, Asset, Buffer, Image, Index, Material, Mesh, Node, Root, Scene, Texture, Value};
+use serde_json::value::to_raw_value;
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
 
+/// What viewers call the mesh.
+const NAME: &str = "object";
 /// Of paint that is neither mirror nor chalk; the texture holds what light did.
 const ROUGHNESS: f32 = 0.9;
 
-/// Writes `mesh` with its texture (sRGB, as frames show it, first row at the top). `frame` says what the coordinates are, in the mesh's
-/// name.
+/// Writes `mesh` with its texture (sRGB, as frames show it, first row at the top). `frame` says what the coordinates are; it becomes the
+/// asset's extra of that name.
 pub(super) fn write_mesh(
     path: &Path,
     mesh: &UnwrappedMesh,
@@ -192,12 +195,13 @@ impl Parts {
         attributes: [(Semantic, Index<Accessor>); 3],
         indices: Index<Accessor>,
         png: Vec<u8>,
-        name: &str,
+        frame: &str,
     ) -> Result<Vec<u8>, gltf::Error> {
         let texture = self.texture(png);
         let root = &mut self.root;
         root.asset = Asset {
             generator: Some(format!("spba-ceres {}", env!("CARGO_PKG_VERSION"))),
+            extras: Some(to_raw_value(&BTreeMap::from([("frame", frame)]))?),
             ..Asset::default()
         };
         root.push(Buffer {
@@ -225,7 +229,7 @@ impl Parts {
         let mesh = root.push(Mesh {
             extensions: None,
             extras: Default::default(),
-            name: Some(name.to_owned()),
+            name: Some(NAME.to_owned()),
             primitives: vec![Primitive {
                 attributes: attributes
                     .into_iter()
@@ -242,6 +246,7 @@ impl Parts {
         });
         let node = root.push(Node {
             mesh: Some(mesh),
+            name: Some(NAME.to_owned()),
             ..Node::default()
         });
         let scene = root.push(Scene {
@@ -296,7 +301,9 @@ mod tests {
         assert_eq!((images[0].width, images[0].height), (3, 5));
         assert_eq!(images[0].pixels, colours.into_raw());
         let mesh = document.meshes().next().unwrap();
-        assert_eq!(mesh.name(), Some("a frame"));
+        assert_eq!(mesh.name(), Some("object"));
+        let extras = document.as_json().asset.extras.as_ref().unwrap();
+        assert_eq!(extras.get(), r#"{"frame":"a frame"}"#);
         let primitive = mesh.primitives().next().unwrap();
         let bounds = primitive.bounding_box();
         assert_eq!((bounds.min, bounds.max), ([0.0, 0.0, -2.0], [1.0, 1.0, 0.0]));
