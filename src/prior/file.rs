@@ -4,18 +4,19 @@
 //! `symmetry = "mirror_x"` the tensors over points hold every other one, and point 2i + 1 is point 2i reflected in x = 0.
 
 mod surface;
+mod tensors;
 
 use super::ShapePrior;
 use super::field::FieldScale;
 use super::learned::{Layer, LearnedPrior};
 use super::linear::{InvalidPrior, LinearPrior};
 use crate::geometry::OBJECT_FRAME;
-use half::f16;
 use nalgebra::{DMatrix, DVector};
-use safetensors::tensor::{Dtype, TensorView};
-use safetensors::{SafeTensors, serialize};
+use safetensors::SafeTensors;
+use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use tensors::{Tensor, half, numbers, serialised, single};
 
 /// The schemas this build reads and writes: of points, and of surfaces.
 const SCHEMA: u32 = 1;
@@ -264,36 +265,8 @@ fn to_bytes(prior: &LearnedPrior, info: &PriorInfo) -> Result<Vec<u8>, PriorErro
     serialised(&tensors, info)
 }
 
-/// A tensor's name, type, shape and bytes.
-type Tensor = (String, Dtype, Vec<usize>, Vec<u8>);
-
-fn serialised(tensors: &[Tensor], info: &PriorInfo) -> Result<Vec<u8>, PriorError> {
-    let invalid = |reason: String| PriorError::Tensor {
-        path: PathBuf::new(),
-        tensor: "basis".to_owned(),
-        reason,
-    };
-    let views = tensors
-        .iter()
-        .map(|(name, dtype, shape, data)| {
-            let view = TensorView::new(*dtype, shape.clone(), data).map_err(|e| invalid(e.to_string()))?;
-            Ok((name, view))
-        })
-        .collect::<Result<Vec<_>, PriorError>>()?;
-    let json = serde_json::to_string(info).map_err(|e| invalid(e.to_string()))?;
-    serialize(views, Some([(METADATA_KEY.to_owned(), json)].into())).map_err(|e| invalid(e.to_string()))
-}
-
 fn layer_names(k: usize) -> (String, String) {
     (format!("hidden.{k}.weight"), format!("hidden.{k}.bias"))
-}
-
-fn single(numbers: impl Iterator<Item = f64>) -> Vec<u8> {
-    numbers.flat_map(|x| (x as f32).to_le_bytes()).collect()
-}
-
-fn half(numbers: impl Iterator<Item = f64>) -> Vec<u8> {
-    numbers.flat_map(|x| f16::from_f64(x).to_le_bytes()).collect()
 }
 
 /// Every odd point is the mirror image of the one before it; `columns` numbers per coordinate.
@@ -466,46 +439,6 @@ fn info(json: Option<&String>, path: &Path) -> Result<PriorInfo, PriorError> {
         )));
     }
     Ok(info)
-}
-
-fn numbers(
-    file: &SafeTensors,
-    path: &Path,
-    name: &str,
-    shape: &[usize],
-    dtype: Dtype,
-) -> Result<Vec<f64>, PriorError> {
-    let wrong = |reason: String| PriorError::Tensor {
-        path: path.to_owned(),
-        tensor: name.to_owned(),
-        reason,
-    };
-    let view = file.tensor(name).map_err(|_| wrong("is missing".to_owned()))?;
-    if view.shape() != shape || view.dtype() != dtype {
-        let (found, found_dtype) = (view.shape(), view.dtype());
-        return Err(wrong(format!(
-            "is {found_dtype} {found:?}, {dtype} {shape:?} expected"
-        )));
-    }
-    let values: Vec<f64> = match dtype {
-        Dtype::F32 => chunks(view.data())
-            .map(|b| f64::from(f32::from_le_bytes(b)))
-            .collect(),
-        Dtype::U32 => chunks(view.data())
-            .map(|b| f64::from(u32::from_le_bytes(b)))
-            .collect(),
-        _ => chunks(view.data())
-            .map(|b| f16::from_le_bytes(b).to_f64())
-            .collect(),
-    };
-    match values.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(wrong(format!("holds {} at index {index}", values[index]))),
-        None => Ok(values),
-    }
-}
-
-fn chunks<const B: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; B]> + '_ {
-    bytes.as_chunks::<B>().0.iter().copied()
 }
 
 impl PriorInfo {

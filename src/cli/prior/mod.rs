@@ -1,16 +1,17 @@
 //! `spba-ceres prior`: learn, judge and show shape priors.
 
 mod learning;
+mod sources;
 mod surface;
 
 use super::progress::{self, interruption};
 use anyhow::{Context, bail};
 use learning::{Kind, Learning, Network};
-use serde::Deserialize;
-use spba_ceres::cad::{NamedModel, SourceSpec, load_source, matches};
+pub use sources::load_models;
+use sources::{licences, source_of};
+use spba_ceres::cad::NamedModel;
 use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
-use spba_ceres::prior::{self, PriorInfo, PriorSource, ShapePrior};
-use std::collections::BTreeMap;
+use spba_ceres::prior::{self, PriorInfo, ShapePrior};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -87,7 +88,7 @@ struct Eval {
 /// Draw the mean and each mode at −2σ and +2σ.
 #[derive(clap::Args)]
 struct Show {
-    /// A bundled prior's name (car, chair, airplane) or a .safetensors file.
+    /// A bundled prior's name (car, car-surface, chair, airplane) or a .safetensors file.
     prior: String,
     /// The PNG to write.
     #[arg(long)]
@@ -117,30 +118,6 @@ struct Models {
     augment: usize,
     #[arg(long, default_value_t = 0)]
     seed: u64,
-}
-
-/// The file behind `--sources`.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SourceList {
-    pub category: String,
-    /// Sets of models so alike that `eval` holds them out together.
-    #[serde(default)]
-    near_duplicates: Vec<Vec<String>>,
-    /// Names for tables, each with the models that it stands for, `*` standing for any run of characters.
-    #[serde(default)]
-    kinds: BTreeMap<String, Vec<String>>,
-    pub source: Vec<SourceSpec>,
-}
-
-impl SourceList {
-    fn kind_of(&self, model: &str) -> &str {
-        let kind = self
-            .kinds
-            .iter()
-            .find(|(_, patterns)| patterns.iter().any(|pattern| matches(pattern, model)));
-        kind.map_or("other", |(name, _)| name)
-    }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -269,22 +246,6 @@ pub fn portable(path: &Path) -> String {
     name.unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Each once.
-fn licences(models: &[NamedModel]) -> Vec<String> {
-    let mut licences: Vec<String> = models.iter().map(|m| m.licence.clone()).collect();
-    licences.sort();
-    licences.dedup();
-    licences
-}
-
-fn source_of(model: &NamedModel) -> PriorSource {
-    PriorSource {
-        model: model.name.clone(),
-        package: model.source.clone(),
-        licence: model.licence.clone(),
-    }
-}
-
 fn eval(args: &Eval) -> anyhow::Result<()> {
     if let Some(template) = &args.template {
         return surface::eval(args, template);
@@ -301,7 +262,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     let bar = Bar::new();
     // More points are corresponded better; the first of them are an even sample.
     let found = correspond(&shapes, &options, &mut |p| bar.show(&p))?.first(args.points);
-    let groups = groups(&models, &list.near_duplicates)?;
+    let groups = list.groups(&models)?;
     let weights: Vec<f64> = models.iter().map(|model| model.weight).collect();
     let learner = |(kind, styles): (Kind, usize)| -> Box<prior::Learner> {
         let (args, found, weights) = (&args, &found, &weights);
@@ -408,24 +369,6 @@ fn print_frame_errors(errors: &[prior::FrameError], known: &str) {
     );
 }
 
-/// A number per model, shared by near-duplicates.
-fn groups(models: &[NamedModel], duplicates: &[Vec<String>]) -> anyhow::Result<Vec<usize>> {
-    let place = |name: &String| {
-        models
-            .iter()
-            .position(|m| m.name == *name)
-            .with_context(|| format!("near_duplicates: no model is called `{name}`: correct or drop it"))
-    };
-    let mut groups: Vec<usize> = (0..models.len()).collect();
-    for set in duplicates {
-        let places = set.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
-        if let Some(&first) = places.first() {
-            places.iter().for_each(|&p| groups[p] = first);
-        }
-    }
-    Ok(groups)
-}
-
 fn show(args: &Show) -> anyhow::Result<()> {
     let (prior, info) = prior::open(&args.prior)?;
     let sheet = prior::contact_sheet(&prior, args.modes.into());
@@ -499,19 +442,6 @@ impl Models {
             passes: self.passes,
         }
     }
-}
-
-/// The list behind `--sources`, and its models.
-pub fn load_models(sources: &Path) -> anyhow::Result<(SourceList, Vec<NamedModel>)> {
-    let text = std::fs::read_to_string(sources)
-        .with_context(|| format!("{}: cannot read the list of sources", sources.display()))?;
-    let list: SourceList =
-        toml::from_str(&text).with_context(|| format!("{}: not a list of sources", sources.display()))?;
-    let mut models = Vec::new();
-    for source in &list.source {
-        models.extend(load_source(source)?);
-    }
-    Ok((list, models))
 }
 
 /// How far learning is.

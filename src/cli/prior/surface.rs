@@ -1,16 +1,16 @@
 //! Priors of surfaces: models in correspondence through a template mesh.
 
-use super::{
-    Bar, Eval, Learn, Models, SourceList, groups, licences, load_models, print_frame_errors, source_of,
-};
+use super::sources::{SourceList, licences, load_models, source_of};
+use super::{Bar, Eval, Learn, Models, print_frame_errors};
 use anyhow::{Context, ensure};
 use spba_ceres::cad::{NamedModel, sample_outside, sample_shell};
 use spba_ceres::prior::learn::{
-    Correspondences, Progress, SurfaceOptions, TrainingShape, field_scales, register_all,
+    Correspondences, LearnError, Progress, SurfaceOptions, TrainingShape, field_scales, register_all,
     residual_covariogram, surface_prior,
 };
 use spba_ceres::prior::{
-    self, Distortion, FieldScale, FreeForm, FreeFormInfo, LearnedPrior, MirroredMesh, PriorInfo, distortion,
+    self, Distortion, FieldScale, FreeForm, FreeFormInfo, LearnedPrior, MirroredMesh, PriorInfo,
+    SurfacePrior, distortion,
 };
 use std::path::Path;
 
@@ -36,7 +36,7 @@ impl Surfaces {
     fn load(args: &Models, template: &Path) -> anyhow::Result<Self> {
         let (list, models) = load_models(&args.sources)?;
         let (mesh, rest) = load_template(template)?;
-        let group = groups(&models, &list.near_duplicates)?;
+        let group = list.groups(&models)?;
         let weights: Vec<f64> = models.iter().map(|model| model.weight).collect();
         let bar = Bar::new();
         let shapes: Vec<TrainingShape> = models
@@ -78,12 +78,11 @@ impl Surfaces {
         ))
     }
 
-    /// The prior of some of the models.
-    fn prior(&self, of: &[usize], options: &SurfaceOptions) -> anyhow::Result<(LearnedPrior, Vec<f64>)> {
+    /// The prior of some of the models, and the share of their variance that its first k + 1 styles explain.
+    fn prior(&self, of: &[usize], options: &SurfaceOptions) -> Result<(SurfacePrior, Vec<f64>), LearnError> {
         let shapes: Vec<&Vec<V3>> = of.iter().map(|&m| &self.shapes[m]).collect();
         let weights: Vec<f64> = of.iter().map(|&m| self.weights[m]).collect();
-        let (surface, explained) = surface_prior(&self.mesh, &shapes, &weights, options)?;
-        Ok((LearnedPrior::of_surface(surface)?, explained))
+        surface_prior(&self.mesh, &shapes, &weights, options)
     }
 
     fn distortions(&self) -> Vec<Distortion> {
@@ -130,8 +129,9 @@ pub fn learn(args: &Learn, template: &Path) -> anyhow::Result<()> {
         seed: args.models.seed,
     };
     let all: Vec<usize> = (0..found.models.len()).collect();
-    let (prior, explained) = found.prior(&all, &options)?;
-    let asymmetry = prior.surface().map_or(0.0, |surface| surface.asymmetry());
+    let (surface, explained) = found.prior(&all, &options)?;
+    let asymmetry = surface.asymmetry();
+    let prior = LearnedPrior::of_surface(surface)?;
     let info = PriorInfo {
         command: args.command(),
         seed: args.models.seed,
@@ -202,13 +202,8 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         scales: scales.clone(),
         seed: args.models.seed,
     };
-    let surface_of = |of: &[usize], options: &SurfaceOptions| {
-        let shapes: Vec<&Vec<V3>> = of.iter().map(|&m| &found.shapes[m]).collect();
-        let weights: Vec<f64> = of.iter().map(|&m| found.weights[m]).collect();
-        surface_prior(&found.mesh, &shapes, &weights, options).map(|(surface, _)| surface)
-    };
     // One choice of points for all, so that shapes can be compared point by point.
-    let whole = surface_of(&all, &options(0, 0))?;
+    let (whole, _) = found.prior(&all, &options(0, 0))?;
     let at_points = |shape: &Vec<V3>| -> anyhow::Result<Vec<f64>> {
         Ok(whole
             .moved_to(shape.clone())?
@@ -225,10 +220,10 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         normals: whole.at_points(args.points, FreeForm::None)?.normals().to_vec(),
     };
     let learner = |styles: usize, form: FreeForm| -> Box<prior::Learner> {
-        let (surface_of, options, whole) = (&surface_of, &options, &whole);
+        let (found, options, whole) = (&found, &options, &whole);
         Box::new(move |of| {
             let modes = if form == FreeForm::None { 0 } else { FORM_MODES };
-            let surface = surface_of(of, &options(styles, modes))?.with_points_of(whole);
+            let surface = found.prior(of, &options(styles, modes))?.0.with_points_of(whole);
             Ok(LearnedPrior::from(surface.at_points(args.points, form)?))
         })
     };

@@ -1,5 +1,8 @@
 use super::*;
 use crate::prior::learned::tests::small_decoder;
+use ::half::f16;
+use safetensors::serialize;
+use safetensors::tensor::TensorView;
 
 /// Two mirrored pairs, two modes.
 fn mirrored() -> LearnedPrior {
