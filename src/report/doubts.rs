@@ -7,9 +7,10 @@ use super::FrameResult;
 const EXPLAINED_IOU: f64 = 0.75;
 /// Below this, a result is to be looked at before it is used. The chair prior gets 0.75 and 0.80 from epfl_04 and 10.
 const DOUBTFUL_IOU: f64 = 0.82;
-/// Lengths of a style, in √S, the usual length, that no known object needs: right results of these three have 0.7 to 1.0, those of the
-/// chair prior, also of the bundled car, where silhouettes alone do not betray it (0.88), 2.0 to 2.8.
+/// Lengths of a style, in √S, the usual length, that few known objects need: right results of these three have 0.6 to 1.3.
 const UNLIKELY_STYLE: f64 = 1.5;
+/// Lengths that none needs, however well it fits: the chair prior has 3.5 and 2.4 on epfl_04 and 10 (IoU 0.82 and 0.86), 2.3 on the bundled car (0.90).
+const IMPOSSIBLE_STYLE: f64 = 2.1;
 /// A focal length may differ from what was known of it by so many of its standard deviations: right results differ by less than one.
 const LIKELY_FOCAL: f64 = 3.5;
 /// No focal length is known better than this, whatever few features say.
@@ -69,6 +70,7 @@ pub fn doubts(frames: &[FrameResult], style: &[f64], focal_factor: f64, focal_de
     }
     Doubts {
         explained: iou >= EXPLAINED_IOU
+            && length <= IMPOSSIBLE_STYLE
             && (iou >= DOUBTFUL_IOU || length <= UNLIKELY_STYLE)
             && focal_is_likely,
         words,
@@ -111,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unlikely_shape_is_named_and_refused_where_it_does_not_even_fit() {
+    fn an_unlikely_shape_is_named_and_refused_where_it_does_not_even_fit_or_is_impossible() {
         let fits = of(&[0.9, 0.9], 1.9);
         assert!(fits.explained);
         assert!(
@@ -119,6 +121,7 @@ mod tests {
             "{fits:?}"
         );
         assert!(!of(&[0.8, 0.8], 1.9).explained);
+        assert!(!of(&[0.9, 0.9], 2.2).explained);
         assert!(of(&[0.8, 0.8], 1.2).explained);
     }
 
