@@ -27,8 +27,8 @@ fn bundled() -> Sequence {
 }
 
 fn errors(sequence: &Sequence, prior: &LearnedPrior, estimate: &Estimate) -> TruthErrors {
-    let surface = Surface::from_points(prior.shape(&estimate.style));
-    let estimated = Estimated::of_estimate(sequence, &surface, estimate);
+    let (surface, estimate) = Surface::of_estimate(prior, estimate);
+    let estimated = Estimated::of_estimate(sequence, &surface, &estimate);
     against_truth(&estimated, sequence.truth.as_ref().unwrap())
 }
 

@@ -29,12 +29,8 @@ const MOST_OFF_CENTRE: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
 const MOST_MOVED: f64 = 1.0;
 /// Priors that ship inside the library.
-const BUNDLED: [(&str, &[u8]); 4] = [
+const BUNDLED: [(&str, &[u8]); 3] = [
     ("car", include_bytes!("../../data/priors/car.safetensors")),
-    (
-        "car-surface",
-        include_bytes!("../../data/priors/car-surface.safetensors"),
-    ),
     ("chair", include_bytes!("../../data/priors/chair.safetensors")),
     (
         "airplane",
