@@ -3,7 +3,7 @@
 three sides, the last of which no frame shows.
 
     spba-ceres solve data/sequences/car --prior car --out out/car
-    pip install numpy pillow trimesh
+    pip install numpy pillow scipy trimesh
     scripts/make_picture.py data/sequences/car out/car docs/picture.png
 """
 
