@@ -37,3 +37,8 @@ pub mod training;
 pub mod visibility;
 
 pub use guard::quiet_guarded_panics;
+
+/// The README, so that its example is compiled with the documentation's.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

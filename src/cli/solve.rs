@@ -65,7 +65,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     target: Option<usize>,
     /// Standard deviation of the given poses, in diagonals of the object: the motion is held to them as closely as that; 0 = they are
-    /// but a start, as in the paper [default: what the sequence says of itself, 0.005 where `prepare` made it, else 0]
+    /// but a start, as in the paper [default: what the sequence says of itself, 0.001 where `prepare` made it, else 0]
     #[arg(long, value_name = "LENGTH")]
     motion_deviation: Option<f64>,
     /// Style to start from: mean, what the bundled regressor or another's .safetensors file sees in the frames, or an earlier result's
