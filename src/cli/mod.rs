@@ -11,6 +11,7 @@ mod prior;
 mod progress;
 mod regressor;
 mod render;
+mod report;
 mod reproduce;
 mod solve;
 
@@ -35,6 +36,7 @@ enum Verb {
     Inspect(inspect::Args),
     Import(import::Args),
     Eval(eval::Args),
+    Report(report::Args),
     Compare(compare::Args),
     Render(render::Args),
     Reproduce(reproduce::Args),
@@ -60,6 +62,7 @@ pub fn run() -> ExitCode {
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Import(args) => import::run(&args),
         Verb::Eval(args) => eval::run(&args),
+        Verb::Report(args) => report::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),

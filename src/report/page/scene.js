@@ -1,0 +1,437 @@
+// The viewer: shape, cameras with their pictures, the input's points.
+
+const CLAY = 0xc9ced6;
+const CAMERA = 0x5d6878;
+const CHOSEN_CAMERA = 0xd1495b;
+/** Of a camera's frustum, diagonals of the object. */
+const FRUSTUM_DEPTH = 0.16;
+const FIELD_OF_VIEW_DEG = 35;
+
+/** Bytes of base64 as an array of another kind. */
+function unpacked(text, Kind) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Kind(bytes.buffer);
+}
+
+/** Opens the viewer, or says why it cannot; calls `picked` with the index of a camera that is clicked. */
+async function openScene(data, pictures, picked) {
+  try {
+    const scene = new SceneView(data, pictures, picked);
+    await scene.load();
+    return scene;
+  } catch (error) {
+    const trouble = document.getElementById("scene-trouble");
+    trouble.textContent = `The viewer needs WebGL, which this browser does not offer (${error.message}). Open mesh.glb or shape.ply in another viewer.`;
+    trouble.hidden = false;
+    document.getElementById("scene").hidden = true;
+    return null;
+  }
+}
+
+/** The world matrix of a camera of the viewer's kind (y up, looks along -z) for `camera_from_object` of ours. */
+function objectFromCamera({ rotation: r, translation: t }) {
+  const cameraFromObject = new viewer.Matrix4().set(
+    ...[...r[0], t[0]],
+    ...[...r[1], t[1]],
+    ...[...r[2], t[2]],
+    ...[0, 0, 0, 1],
+  );
+  const flip = new viewer.Matrix4().makeScale(1, -1, -1);
+  return cameraFromObject.invert().multiply(flip);
+}
+
+/** The edges of the picture at depth 1: left, right, top, bottom. */
+function edges({ camera: { fx, fy, cx, cy }, size: [width, height] }) {
+  return [-cx / fx, (width - cx) / fx, cy / fy, (cy - height) / fy];
+}
+
+class SceneView {
+  constructor(data, pictures, picked) {
+    this.data = data;
+    this.canvas = document.getElementById("scene");
+    // What was drawn is kept, so that the canvas can be saved as a picture.
+    this.renderer = new viewer.WebGLRenderer({
+      canvas: this.canvas,
+      antialias: true,
+      alpha: true,
+      preserveDrawingBuffer: true,
+    });
+    this.scene = new viewer.Scene();
+    this.camera = new viewer.PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 0.01, 200);
+    this.through = new viewer.PerspectiveCamera();
+    this.through.matrixAutoUpdate = false;
+    this.isThrough = false;
+    this.scene.add(new viewer.HemisphereLight(0xffffff, 0x8a929e, 2.2));
+    const light = new viewer.DirectionalLight(0xffffff, 1.4);
+    light.position.set(1, 2, -1.5);
+    this.scene.add(light);
+    this.controls = new viewer.OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => this.setThrough(false));
+    this.cameras = this.makeCameras(pictures);
+    this.scene.add(this.cameras);
+    this.makePicking(picked);
+    this.reset();
+    new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
+  }
+
+  async load() {
+    const { shape, input_points: inputPoints } = this.data;
+    this.shape = shape.kind === "mesh" ? await MeshShape.load(shape) : new PointShape(shape);
+    this.scene.add(this.shape.group);
+    Object.assign(this.canvas.dataset, this.shape.facts());
+    makeChoice(document.getElementById("colouring"), this.shape.colourings(), (key) => {
+      this.shape.colour(key);
+      this.draw();
+    });
+    this.addSwitch("cameras", true, (on) => (this.cameras.visible = on));
+    this.addSwitch("pictures", true, (on) => {
+      for (const frustum of this.cameras.children) frustum.userData.plane.visible = on;
+    });
+    const [label, act] = this.shape.detail();
+    this.addSwitch(label, false, act);
+    if (inputPoints) {
+      const points = makeInputPoints(inputPoints);
+      this.scene.add(points);
+      this.addSwitch(`input's points (${inputPoints.count.toLocaleString("en")})`, false, (on) => (points.visible = on));
+    }
+    document.getElementById("shape-opacity").addEventListener("input", ({ target }) => {
+      this.shape.setOpacity(Number(target.value));
+      this.draw();
+    });
+    document.getElementById("through").addEventListener("click", () => this.setThrough(!this.isThrough));
+    document.getElementById("reset").addEventListener("click", () => this.reset());
+    this.resize();
+  }
+
+  addSwitch(label, on, act) {
+    const element = document.createElement("label");
+    element.className = "switch";
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: on });
+    box.addEventListener("change", () => {
+      act(box.checked);
+      this.draw();
+    });
+    element.append(box, ` ${label}`);
+    document.getElementById("switches").append(element);
+    act(on);
+  }
+
+  makeCameras(pictures) {
+    const group = new viewer.Group();
+    this.data.frames.forEach((frame, index) => {
+      const frustum = makeFrustum(frame, pictures[index].image);
+      frustum.userData.index = index;
+      group.add(frustum);
+    });
+    return group;
+  }
+
+  /** A click that does not drag picks the camera under it. */
+  makePicking(picked) {
+    const ray = new viewer.Raycaster();
+    let pressed = null;
+    this.canvas.addEventListener("pointerdown", ({ clientX, clientY }) => (pressed = [clientX, clientY]));
+    this.canvas.addEventListener("pointerup", ({ clientX, clientY }) => {
+      if (!pressed || Math.hypot(clientX - pressed[0], clientY - pressed[1]) > 4 || !this.cameras.visible) return;
+      const box = this.canvas.getBoundingClientRect();
+      const at = new viewer.Vector2(
+        (2 * (clientX - box.left)) / box.width - 1,
+        1 - (2 * (clientY - box.top)) / box.height,
+      );
+      ray.setFromCamera(at, this.camera);
+      const planes = this.cameras.children.map((frustum) => frustum.userData.plane);
+      const [hit] = ray.intersectObjects(planes, false);
+      if (hit) picked(hit.object.parent.userData.index);
+    });
+  }
+
+  /** Makes a frame's camera stand out, and looks through it where that is wanted. */
+  show(index) {
+    this.index = index;
+    for (const frustum of this.cameras.children) {
+      const chosen = frustum.userData.index === index;
+      frustum.userData.lines.material.color.set(chosen ? CHOSEN_CAMERA : CAMERA);
+    }
+    this.draw();
+  }
+
+  setThrough(on) {
+    if (this.isThrough && !on) {
+      // Goes on from there, upright.
+      this.camera.position.setFromMatrixPosition(this.through.matrix);
+      this.controls.target.set(0, 0, 0);
+      this.controls.update();
+    }
+    this.isThrough = on;
+    document.getElementById("through").setAttribute("aria-pressed", String(on));
+    this.draw();
+  }
+
+  reset() {
+    this.isThrough = false;
+    document.getElementById("through").setAttribute("aria-pressed", "false");
+    this.camera.position.set(...this.startingPoint());
+    this.controls.target.set(0, 0, 0);
+    this.controls.update();
+    this.draw();
+  }
+
+  /** On the side that the frames see, a little higher. */
+  startingPoint() {
+    const middle = this.data.frames[Math.floor(this.data.frames.length / 2)];
+    const from = new viewer.Vector3().setFromMatrixPosition(objectFromCamera(middle)).normalize();
+    from.y = Math.max(from.y, 0) + 0.25;
+    return from.normalize().multiplyScalar(2.1);
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
+    if (width === 0 || height === 0) return;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  /** As soon as the browser next shows something. */
+  draw() {
+    if (this.pending) return;
+    this.pending = requestAnimationFrame(() => {
+      this.pending = 0;
+      for (const frustum of this.cameras.children) this.place(frustum);
+      if (this.isThrough) this.placeThrough();
+      this.renderer.render(this.scene, this.isThrough ? this.through : this.camera);
+    });
+  }
+
+  /** The plane of the camera that is looked through lies behind the object, the others at their frustum's end. */
+  place({ userData: { index, plane, lines, distance } }) {
+    const behind = this.isThrough && index === this.index;
+    plane.scale.setScalar(behind ? (distance + 0.9) / FRUSTUM_DEPTH : 1);
+    lines.visible = !behind;
+    plane.parent.visible = behind || !this.isThrough;
+  }
+
+  /** The frame's own perspective, with as much around it as the canvas is wider or higher. */
+  placeThrough() {
+    const frame = this.data.frames[this.index];
+    this.through.matrix.copy(objectFromCamera(frame));
+    this.through.matrixWorldNeedsUpdate = true;
+    const [left, right, top, bottom] = edges(frame);
+    const { clientWidth, clientHeight } = this.canvas.parentElement;
+    const ratio = clientWidth / clientHeight / ((right - left) / (top - bottom));
+    const wider = ((right - left) * (Math.max(ratio, 1) - 1)) / 2;
+    const higher = ((top - bottom) * (Math.max(1 / ratio, 1) - 1)) / 2;
+    const near = 0.01;
+    this.through.projectionMatrix.makePerspective(
+      near * (left - wider),
+      near * (right + wider),
+      near * (top + higher),
+      near * (bottom - higher),
+      near,
+      1000,
+      this.through.coordinateSystem,
+    );
+    this.through.projectionMatrixInverse.copy(this.through.projectionMatrix).invert();
+  }
+}
+
+/** Edges from the centre to the picture's corners, and the picture at their end. */
+function makeFrustum(frame, image) {
+  const [left, right, top, bottom] = edges(frame).map((edge) => edge * FRUSTUM_DEPTH);
+  const depth = -FRUSTUM_DEPTH;
+  const corners = [
+    [left, top, depth],
+    [right, top, depth],
+    [right, bottom, depth],
+    [left, bottom, depth],
+  ];
+  const segments = corners.flatMap((corner, k) => [0, 0, 0, ...corner, ...corner, ...corners[(k + 1) % 4]]);
+  const lines = new viewer.LineSegments(
+    new viewer.BufferGeometry().setAttribute("position", new viewer.BufferAttribute(new Float32Array(segments), 3)),
+    new viewer.LineBasicMaterial({ color: CAMERA }),
+  );
+  const geometry = new viewer.BufferGeometry();
+  geometry.setAttribute("position", new viewer.BufferAttribute(new Float32Array(corners.flat()), 3));
+  geometry.setAttribute("uv", new viewer.BufferAttribute(new Float32Array([0, 1, 1, 1, 1, 0, 0, 0]), 2));
+  geometry.setIndex([0, 2, 1, 0, 3, 2]);
+  const texture = new viewer.Texture(image);
+  texture.colorSpace = viewer.SRGBColorSpace;
+  texture.needsUpdate = true;
+  const material = new viewer.MeshBasicMaterial({ map: texture, side: viewer.DoubleSide });
+  const plane = new viewer.Mesh(geometry, material);
+  const frustum = new viewer.Group();
+  frustum.add(lines, plane);
+  frustum.applyMatrix4(objectFromCamera(frame));
+  frustum.userData = { plane, lines, distance: Math.hypot(...frame.translation) };
+  return frustum;
+}
+
+function makeInputPoints({ positions, colours }) {
+  const geometry = new viewer.BufferGeometry();
+  geometry.setAttribute("position", new viewer.BufferAttribute(unpacked(positions, Float32Array), 3));
+  geometry.setAttribute("color", colourAttribute(unpacked(colours, Uint8Array)));
+  return new viewer.Points(geometry, new viewer.PointsMaterial({ size: 0.006, vertexColors: true }));
+}
+
+/** sRGB of files as the linear colours that the renderer reckons with. */
+function colourAttribute(bytes) {
+  const linear = Float32Array.from(bytes, (part) => {
+    const share = part / 255;
+    return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
+  });
+  return new viewer.BufferAttribute(linear, 3);
+}
+
+/** A textured mesh. */
+class MeshShape {
+  static async load({ glb, origin }) {
+    const gltf = await new viewer.GLTFLoader().parseAsync(unpacked(glb, Uint8Array).buffer, "");
+    const shape = new MeshShape();
+    shape.group = gltf.scene;
+    gltf.scene.traverse((node) => {
+      if (node.isMesh) shape.mesh = node;
+    });
+    shape.texture = shape.mesh.material.map;
+    if (origin) {
+      shape.origin = await new viewer.TextureLoader().loadAsync(origin);
+      shape.origin.flipY = false;
+      shape.origin.colorSpace = viewer.SRGBColorSpace;
+    }
+    shape.wires = new viewer.LineSegments(
+      new viewer.WireframeGeometry(shape.mesh.geometry),
+      new viewer.LineBasicMaterial({ color: 0x1f2733, transparent: true, opacity: 0.25 }),
+    );
+    shape.mesh.add(shape.wires);
+    return shape;
+  }
+
+  facts() {
+    const { image } = this.texture;
+    return {
+      shape: "mesh",
+      triangles: this.mesh.geometry.index.count / 3,
+      texture: `${image.width}x${image.height}`,
+    };
+  }
+
+  colourings() {
+    const colourings = [
+      ["texture", "Texture", "Colours of the frames"],
+      ["plain", "Plain", "No colour, lit"],
+      ["normals", "Normals", "Coloured by direction"],
+    ];
+    if (this.origin) {
+      const title = "Green: seen in a frame; yellow: its mirror image is seen; red: filled from around";
+      colourings.push(["origin", "Source", title]);
+    }
+    return colourings;
+  }
+
+  colour(key) {
+    this.mesh.material = {
+      texture: () => new viewer.MeshBasicMaterial({ map: this.texture }),
+      plain: () => new viewer.MeshLambertMaterial({ color: CLAY }),
+      normals: () => new viewer.MeshNormalMaterial(),
+      origin: () => new viewer.MeshBasicMaterial({ map: this.origin }),
+    }[key]();
+    this.setOpacity(this.opacity ?? 1);
+  }
+
+  detail() {
+    return ["wireframe", (on) => (this.wires.visible = on)];
+  }
+
+  setOpacity(opacity) {
+    this.opacity = opacity;
+    fade(this.mesh.material, opacity);
+    this.wires.material.opacity = 0.25 * opacity;
+  }
+}
+
+/** Points, each a disc on the surface. */
+class PointShape {
+  constructor({ count, positions, normals, colours, radii }) {
+    this.count = count;
+    this.positions = unpacked(positions, Float32Array);
+    this.normals = Float32Array.from(unpacked(normals, Int8Array), (part) => part / 127);
+    this.colours = colourAttribute(unpacked(colours, Uint8Array)).array;
+    this.discs = this.makeDiscs(unpacked(radii, Float32Array));
+    this.dots = this.makeDots();
+    this.group = new viewer.Group();
+    this.group.add(this.discs, this.dots);
+  }
+
+  makeDiscs(radii) {
+    const discs = new viewer.InstancedMesh(new viewer.CircleGeometry(1, 7), undefined, this.count);
+    const [forward, normal, position, scale] = [0, 1, 2, 3].map(() => new viewer.Vector3());
+    forward.set(0, 0, 1);
+    const turn = new viewer.Quaternion();
+    const matrix = new viewer.Matrix4();
+    for (let i = 0; i < this.count; i += 1) {
+      normal.fromArray(this.normals, 3 * i).normalize();
+      turn.setFromUnitVectors(forward, normal);
+      matrix.compose(position.fromArray(this.positions, 3 * i), turn, scale.setScalar(radii[i]));
+      discs.setMatrixAt(i, matrix);
+    }
+    return discs;
+  }
+
+  makeDots() {
+    const geometry = new viewer.BufferGeometry();
+    geometry.setAttribute("position", new viewer.BufferAttribute(this.positions, 3));
+    return new viewer.Points(geometry, new viewer.PointsMaterial({ size: 0.006, vertexColors: true }));
+  }
+
+  facts() {
+    return { shape: "points", points: this.count };
+  }
+
+  colourings() {
+    return [
+      ["colour", "Colour", "Colours of the frames"],
+      ["plain", "Plain", "No colour, lit"],
+      ["normals", "Normals", "Coloured by direction"],
+    ];
+  }
+
+  colour(key) {
+    const side = viewer.DoubleSide;
+    const white = new Float32Array(3 * this.count).fill(1);
+    const of = {
+      colour: () => [this.colours, new viewer.MeshBasicMaterial({ side })],
+      plain: () => [white, new viewer.MeshLambertMaterial({ side, color: CLAY })],
+      normals: () => [this.normals.map((part) => (part + 1) / 2), new viewer.MeshBasicMaterial({ side })],
+    };
+    const [colours, material] = of[key]();
+    this.discs.material = material;
+    this.discs.instanceColor = new viewer.InstancedBufferAttribute(colours, 3);
+    this.dots.geometry.setAttribute("color", new viewer.BufferAttribute(key === "plain" ? white.map(() => 0.2) : colours, 3));
+    this.setOpacity(this.opacity ?? 1);
+  }
+
+  detail() {
+    return [
+      "dots",
+      (on) => {
+        this.dots.visible = on;
+        this.discs.visible = !on;
+      },
+    ];
+  }
+
+  setOpacity(opacity) {
+    this.opacity = opacity;
+    fade(this.discs.material, opacity);
+    fade(this.dots.material, opacity);
+  }
+}
+
+function fade(material, opacity) {
+  material.transparent = opacity < 1;
+  material.opacity = opacity;
+  material.visible = opacity > 0;
+  material.needsUpdate = true;
+}
