@@ -69,7 +69,7 @@ class Page:
 
 def check(page):
     view = page.pixels("scene")
-    assert view["colours"] > 200 and 0.05 < view["inside"] < 1, f"the viewer's canvas is blank: {view}"
+    assert view["colours"] > 200 and 0.02 < view["inside"] < 1, f"the viewer's canvas is blank: {view}"
     facts = page.facts("scene")
     if facts["shape"] == "mesh":
         width, height = map(int, facts["texture"].split("x"))

@@ -135,7 +135,8 @@ impl Advice {
 
 fn still_falling(trace: &[TraceRow]) -> bool {
     let rows = main_rows(trace);
-    let Some(last) = rows.last() else {
+    // The free form has a limit of its own, of which no option asks.
+    let Some(last) = rows.last().filter(|row| !row.stage.contains("free-form")) else {
         return false;
     };
     let of_stage: Vec<_> = rows.iter().filter(|row| row.stage == last.stage).collect();

@@ -24,25 +24,30 @@ function drawObjective({ terms, stages }) {
     values.map((value, iteration) => ({ term, iteration, value: value > 0 ? value : NaN })),
   );
   const names = terms.map(([term]) => term);
-  const starts = stages.map(([stage, iteration]) => ({ stage, iteration }));
+  const last = terms[0][1].length - 1;
+  // What starts late has no room for its name on the right; names lie on three rows, since stages can be short.
+  const starts = stages.map(([stage, iteration], k) => ({ stage, iteration, row: k % 3, isLate: iteration > 0.75 * last }));
+  const stageNames = starts.map((start) =>
+    viewer.text([start], {
+      x: "iteration",
+      text: "stage",
+      frameAnchor: "top",
+      textAnchor: start.isLate ? "end" : "start",
+      dx: start.isLate ? -4 : 4,
+      dy: -10 - 13 * start.row,
+      fill: "#5d6878",
+    }),
+  );
   chart("objective", {
-    height: 320,
+    height: 340,
     marginLeft: 52,
-    marginTop: 26,
+    marginTop: 62,
     x: { label: "iteration" },
-    y: { type: "log", label: "objective", grid: true, tickFormat: "~s" },
+    y: { type: "log", label: "objective", grid: true, tickFormat: (value) => (value >= 1000 ? `${value / 1000}k` : `${value}`) },
     color: { legend: true, domain: names, range: names.map((name) => TERM_COLOURS[name]) },
     marks: [
       viewer.ruleX(starts.slice(1), { x: "iteration", stroke: "#aab3bf", strokeDasharray: "3,3" }),
-      viewer.text(starts, {
-        x: "iteration",
-        text: "stage",
-        frameAnchor: "top-left",
-        textAnchor: "start",
-        dx: 4,
-        dy: -14,
-        fill: "#5d6878",
-      }),
+      ...stageNames,
       viewer.lineY(rows, {
         x: "iteration",
         y: "value",

@@ -44,7 +44,7 @@ class FramePanel {
     this.frames = data.frames;
     this.scale = data.colour_scale;
     this.canvas = document.getElementById("picture");
-    this.context = this.canvas.getContext("2d");
+    this.context = this.canvas.getContext("2d", { willReadFrequently: true });
     this.outline = document.getElementById("outline");
     this.outline.addEventListener("change", () => this.draw());
     this.index = 0;

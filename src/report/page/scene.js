@@ -6,6 +6,10 @@ const CHOSEN_CAMERA = 0xd1495b;
 /** Of a camera's frustum, diagonals of the object. */
 const FRUSTUM_DEPTH = 0.16;
 const FIELD_OF_VIEW_DEG = 35;
+/** Where the viewer starts: so far round from the cameras, radians, and within these distances. */
+const BESIDE = 0.6;
+const NEAREST = 2.0;
+const FARTHEST = 2.9;
 
 /** Bytes of base64 as an array of another kind. */
 function unpacked(text, Kind) {
@@ -71,7 +75,6 @@ class SceneView {
     this.cameras = this.makeCameras(pictures);
     this.scene.add(this.cameras);
     this.makePicking(picked);
-    this.reset();
     new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
   }
 
@@ -102,6 +105,7 @@ class SceneView {
     document.getElementById("through").addEventListener("click", () => this.setThrough(!this.isThrough));
     document.getElementById("reset").addEventListener("click", () => this.reset());
     this.resize();
+    this.reset();
   }
 
   addSwitch(label, on, act) {
@@ -171,18 +175,27 @@ class SceneView {
   reset() {
     this.isThrough = false;
     document.getElementById("through").setAttribute("aria-pressed", "false");
-    this.camera.position.set(...this.startingPoint());
+    this.camera.position.copy(this.startingPoint());
     this.controls.target.set(0, 0, 0);
     this.controls.update();
     this.draw();
   }
 
-  /** On the side that the frames see, a little higher. */
+  /** Beside the cameras and a little higher, as far away as shows all of them, unless that is very far. */
   startingPoint() {
-    const middle = this.data.frames[Math.floor(this.data.frames.length / 2)];
-    const from = new viewer.Vector3().setFromMatrixPosition(objectFromCamera(middle)).normalize();
-    from.y = Math.max(from.y, 0) + 0.25;
-    return from.normalize().multiplyScalar(2.1);
+    const centres = this.data.frames.map((frame) => new viewer.Vector3().setFromMatrixPosition(objectFromCamera(frame)));
+    const from = centres.reduce((sum, centre) => sum.add(centre.clone().normalize()), new viewer.Vector3()).setY(0);
+    if (from.length() < 0.1) from.set(0, 0, -1);
+    from.normalize().applyAxisAngle(new viewer.Vector3(0, 1, 0), BESIDE).setY(0.45).normalize();
+    const right = new viewer.Vector3(0, 1, 0).cross(from).normalize();
+    const up = from.clone().cross(right);
+    const high = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
+    const wide = high * this.camera.aspect;
+    const needed = centres.map((centre) => {
+      const aside = Math.max(Math.abs(centre.dot(right)) / wide, Math.abs(centre.dot(up)) / high);
+      return centre.dot(from) + 1.15 * aside;
+    });
+    return from.multiplyScalar(Math.min(Math.max(NEAREST, ...needed), FARTHEST));
   }
 
   resize() {
@@ -351,38 +364,55 @@ class MeshShape {
   }
 }
 
-/** Points, each a disc on the surface. */
+/** A point is drawn as a square on the screen, of which the disc around it on the surface is kept. */
+const DISC_VERTEX = `
+  attribute float radius;
+  attribute vec3 tone;
+  uniform float pixelsPerUnit;
+  uniform float dotSize;
+  varying vec3 vTone;
+  varying vec3 vNormal;
+  void main() {
+    vec4 inCamera = modelViewMatrix * vec4(position, 1.0);
+    gl_Position = projectionMatrix * inCamera;
+    gl_PointSize = dotSize > 0.0 ? dotSize : max(2.0 * radius * pixelsPerUnit * projectionMatrix[1][1] / gl_Position.w, 1.5);
+    vTone = tone;
+    vNormal = normalize(normalMatrix * normal);
+  }`;
+const DISC_FRAGMENT = `
+  uniform float dotSize;
+  uniform float opacity;
+  uniform bool lit;
+  varying vec3 vTone;
+  varying vec3 vNormal;
+  void main() {
+    vec3 normal = vNormal.z < 0.0 ? -vNormal : vNormal;
+    vec2 at = vec2(2.0, -2.0) * (gl_PointCoord - 0.5);
+    float behind = dotSize > 0.0 ? 0.0 : dot(at, normal.xy) / max(normal.z, 0.25);
+    if (dot(at, at) + behind * behind > 1.0) discard;
+    float light = lit ? 0.35 + 0.65 * max(dot(normal, normalize(vec3(0.3, 0.8, 0.6))), 0.0) : 1.0;
+    gl_FragColor = vec4(light * vTone, opacity);
+    #include <colorspace_fragment>
+  }`;
+
+/** Points, each a disc on the surface or a dot. */
 class PointShape {
   constructor({ count, positions, normals, colours, radii }) {
     this.count = count;
-    this.positions = unpacked(positions, Float32Array);
     this.normals = Float32Array.from(unpacked(normals, Int8Array), (part) => part / 127);
     this.colours = colourAttribute(unpacked(colours, Uint8Array)).array;
-    this.discs = this.makeDiscs(unpacked(radii, Float32Array));
-    this.dots = this.makeDots();
-    this.group = new viewer.Group();
-    this.group.add(this.discs, this.dots);
-  }
-
-  makeDiscs(radii) {
-    const discs = new viewer.InstancedMesh(new viewer.CircleGeometry(1, 7), undefined, this.count);
-    const [forward, normal, position, scale] = [0, 1, 2, 3].map(() => new viewer.Vector3());
-    forward.set(0, 0, 1);
-    const turn = new viewer.Quaternion();
-    const matrix = new viewer.Matrix4();
-    for (let i = 0; i < this.count; i += 1) {
-      normal.fromArray(this.normals, 3 * i).normalize();
-      turn.setFromUnitVectors(forward, normal);
-      matrix.compose(position.fromArray(this.positions, 3 * i), turn, scale.setScalar(radii[i]));
-      discs.setMatrixAt(i, matrix);
-    }
-    return discs;
-  }
-
-  makeDots() {
     const geometry = new viewer.BufferGeometry();
-    geometry.setAttribute("position", new viewer.BufferAttribute(this.positions, 3));
-    return new viewer.Points(geometry, new viewer.PointsMaterial({ size: 0.006, vertexColors: true }));
+    geometry.setAttribute("position", new viewer.BufferAttribute(unpacked(positions, Float32Array), 3));
+    geometry.setAttribute("normal", new viewer.BufferAttribute(this.normals, 3));
+    geometry.setAttribute("radius", new viewer.BufferAttribute(unpacked(radii, Float32Array), 1));
+    const uniforms = { pixelsPerUnit: { value: 1 }, dotSize: { value: 0 }, opacity: { value: 1 }, lit: { value: false } };
+    const shaders = { vertexShader: DISC_VERTEX, fragmentShader: DISC_FRAGMENT };
+    this.material = new viewer.ShaderMaterial({ uniforms, ...shaders });
+    this.group = new viewer.Points(geometry, this.material);
+    const size = new viewer.Vector2();
+    this.group.onBeforeRender = (renderer) => {
+      uniforms.pixelsPerUnit.value = renderer.getDrawingBufferSize(size).y / 2;
+    };
   }
 
   facts() {
@@ -398,34 +428,23 @@ class PointShape {
   }
 
   colour(key) {
-    const side = viewer.DoubleSide;
-    const white = new Float32Array(3 * this.count).fill(1);
-    const of = {
-      colour: () => [this.colours, new viewer.MeshBasicMaterial({ side })],
-      plain: () => [white, new viewer.MeshLambertMaterial({ side, color: CLAY })],
-      normals: () => [this.normals.map((part) => (part + 1) / 2), new viewer.MeshBasicMaterial({ side })],
-    };
-    const [colours, material] = of[key]();
-    this.discs.material = material;
-    this.discs.instanceColor = new viewer.InstancedBufferAttribute(colours, 3);
-    this.dots.geometry.setAttribute("color", new viewer.BufferAttribute(key === "plain" ? white.map(() => 0.2) : colours, 3));
-    this.setOpacity(this.opacity ?? 1);
+    const tones = {
+      colour: () => this.colours,
+      plain: () => new Float32Array(3 * this.count).fill(0.7),
+      normals: () => this.normals.map((part) => (part + 1) / 2),
+    }[key]();
+    this.group.geometry.setAttribute("tone", new viewer.BufferAttribute(tones, 3));
+    this.material.uniforms.lit.value = key === "plain";
   }
 
   detail() {
-    return [
-      "dots",
-      (on) => {
-        this.dots.visible = on;
-        this.discs.visible = !on;
-      },
-    ];
+    const size = 2.5 * Math.min(window.devicePixelRatio, 2);
+    return ["dots", (on) => (this.material.uniforms.dotSize.value = on ? size : 0)];
   }
 
   setOpacity(opacity) {
-    this.opacity = opacity;
-    fade(this.discs.material, opacity);
-    fade(this.dots.material, opacity);
+    this.material.uniforms.opacity.value = opacity;
+    fade(this.material, opacity);
   }
 }
 
