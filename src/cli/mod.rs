@@ -1,5 +1,6 @@
 //! Verbs of `spba-ceres`: parse, call the library, print.
 
+mod batch;
 mod compare;
 mod eval;
 mod import;
@@ -37,6 +38,7 @@ enum Verb {
     Import(import::Args),
     Eval(eval::Args),
     Report(report::Args),
+    Batch(batch::Args),
     Compare(compare::Args),
     Render(render::Args),
     Reproduce(reproduce::Args),
@@ -63,6 +65,7 @@ pub fn run() -> ExitCode {
         Verb::Import(args) => import::run(&args),
         Verb::Eval(args) => eval::run(&args),
         Verb::Report(args) => report::run(&args),
+        Verb::Batch(args) => batch::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),

@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 
 /// A point's disc reaches to its neighbour of this rank: so the discs close the surface between points that are spread unevenly.
-const NEIGHBOUR: u32 = 4;
+const NEIGHBOUR: u32 = 3;
 /// No disc is larger than so many times the median one, so that lone points stay points.
 const LARGEST: f32 = 2.0;
 
