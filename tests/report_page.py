@@ -34,7 +34,7 @@ SETTLED = "() => new Promise((done) => requestAnimationFrame(() => requestAnimat
 
 class Page:
     def __init__(self, browser, path, width):
-        self.page = browser.new_page(viewport={"width": width, "height": 1000})
+        self.page = browser.new_page(viewport={"width": width, "height": 800})
         self.said = []
         self.page.on("console", lambda message: self.hear(message.type, message.text))
         self.page.on("pageerror", lambda error: self.hear("error", str(error)))
@@ -126,7 +126,7 @@ def main(chromium, screenshots, *paths):
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         for number, path in enumerate(paths):
-            page = Page(browser, Path(path), 1400)
+            page = Page(browser, Path(path), 1100)
             page.page.screenshot(path=f"{screenshots}/{number}.png", full_page=True)
             check(page)
             narrow = Page(browser, Path(path), 420)

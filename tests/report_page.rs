@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const CHROMIUM: &str = "/usr/bin/chromium";
+/// Bundled priors of either kind. No chair explains the car, so that its page is that of a result that is not usable.
+const POINTS: &str = "chair";
+const SURFACES: &str = "car-surface";
 
 fn program() -> Command {
     Command::cargo_bin("spba-ceres").unwrap()
@@ -47,7 +50,7 @@ fn trouble() -> Option<&'static str> {
 #[test]
 fn pages_open_and_can_be_used() {
     let home = tempfile::tempdir().unwrap();
-    let folders = ["car", "car-surface"].map(|prior| solved(prior, home.path()));
+    let folders = [POINTS, SURFACES].map(|prior| solved(prior, home.path()));
     for folder in &folders {
         let page = folder.join("report.html");
         let bytes = std::fs::read(&page).unwrap();
@@ -83,7 +86,7 @@ fn pages_open_and_can_be_used() {
 #[test]
 fn a_result_whose_sequence_is_gone_is_refused_by_name() {
     let home = tempfile::tempdir().unwrap();
-    let out = solved("car", home.path());
+    let out = solved(POINTS, home.path());
     let refused = |arguments: &[&str]| {
         let assert = program()
             .current_dir(home.path())

@@ -27,8 +27,9 @@ pub(super) const PAGE: &str = "report.html";
 
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE_SHEET: &str = include_str!("page/page.css");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 5] = [
     include_str!("page/frames.js"),
+    include_str!("page/shapes.js"),
     include_str!("page/scene.js"),
     include_str!("page/charts.js"),
     include_str!("page/main.js"),
@@ -54,7 +55,7 @@ struct Data {
 #[derive(Serialize)]
 struct Words<'a> {
     style_sheet: &'static str,
-    scripts: [&'static str; 4],
+    scripts: [&'static str; 5],
     libraries: &'static str,
     licences: &'static str,
     /// [`Data`] as JSON.

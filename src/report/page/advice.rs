@@ -87,11 +87,10 @@ impl Advice {
                          leaves a right mask, the prior is to blame, or the pose.";
             advice.add(words, "");
         }
-        let points_of_cars = result.prior.starts_with("car ") && !result.prior.starts_with("car surface");
-        if points_of_cars {
+        if !result.prior.contains(" surface ") {
             let words =
-                "This prior is one of points. For a closed mesh with a texture, take the prior of surfaces.";
-            advice.add(words, "--prior car-surface");
+                "This prior is one of points. A prior of surfaces gives a closed mesh with a texture.";
+            advice.add(words, "");
         }
         if doubts.words.is_empty() {
             let words = "Where the truth is known, measure the result.";

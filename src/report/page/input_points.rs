@@ -20,11 +20,10 @@ pub(super) fn of(sequence: &Sequence, result: &RunResult) -> Option<Points> {
     let known = |frame: usize| {
         let frame = &sequence.frames[frame];
         let depth = frame.depth.as_ref();
-        let pairs = depth.into_iter().flat_map(|depth| {
+        depth.into_iter().flat_map(|depth| {
             let inside = depth.data().iter().zip(frame.mask.data()).enumerate();
             inside.filter_map(|(pixel, (&z, &on))| (on && z > 0.0).then_some((pixel, z)))
-        });
-        pairs
+        })
     };
     let count: usize = (0..sequence.frames.len()).map(|frame| known(frame).count()).sum();
     let every = count.div_ceil(MOST).max(1);
@@ -33,7 +32,7 @@ pub(super) fn of(sequence: &Sequence, result: &RunResult) -> Option<Points> {
         colours: Vec::new(),
     };
     let mut seen = 0;
-    for (index, (frame, found)) in sequence.frames.iter().zip(&result.frames).enumerate() {
+    for (index, frame) in sequence.frames.iter().enumerate() {
         let Some(object_from_camera) = object_from_camera(index, sequence, result) else {
             continue;
         };
@@ -50,7 +49,6 @@ pub(super) fn of(sequence: &Sequence, result: &RunResult) -> Option<Points> {
             let colour = frame.image[at].map(|part| part.round().clamp(0.0, 255.0) as u8);
             points.colours.push(colour);
         }
-        debug_assert_eq!(found.name, frame.name);
     }
     (!points.positions.is_empty()).then_some(points)
 }

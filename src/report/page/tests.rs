@@ -3,6 +3,7 @@ use crate::report::fixture::{box_car, solved};
 use crate::report::{ReportInput, Surface, write};
 use crate::sequence::Sequence;
 use crate::solver::{Solution, Termination};
+use std::path::PathBuf;
 
 struct Made {
     home: tempfile::TempDir,
@@ -48,15 +49,13 @@ impl Made {
     }
 }
 
-use std::path::PathBuf;
-
 #[test]
 fn the_page_holds_all_of_the_result_and_fetches_nothing() {
     let made = Made::of(|_| ());
     let (page, data) = (made.page(), made.data());
     assert!(page.contains("Usable"), "no verdict");
     assert!(
-        page.contains("data/&lt;box&gt; &amp; co"),
+        page.contains("data&#x2f;&lt;box&gt; &amp; co"),
         "the input's name is not escaped"
     );
     assert!(
