@@ -16,6 +16,7 @@ FLAGS = [
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--disable-renderer-backgrounding",
     "--no-first-run",
 ]
 # How many colours a canvas shows, and a number that changes with its pixels.
@@ -35,12 +36,13 @@ SETTLED = "() => new Promise((done) => requestAnimationFrame(() => requestAnimat
 class Page:
     def __init__(self, browser, path, width):
         self.page = browser.new_page(viewport={"width": width, "height": 800})
+        self.page.set_default_timeout(120_000)
         self.said = []
         self.page.on("console", lambda message: self.hear(message.type, message.text))
         self.page.on("pageerror", lambda error: self.hear("error", str(error)))
         self.page.on("request", lambda request: self.hear_request(request.url))
         self.page.goto(path.resolve().as_uri())
-        self.page.wait_for_selector("html[data-ready]", timeout=120_000)
+        self.page.wait_for_selector("html[data-ready]")
 
     def hear(self, kind, text):
         # Software rendering is slow to read back, and says so.
