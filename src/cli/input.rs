@@ -55,7 +55,7 @@ pub fn solved_from(folder: &Path, result: &RunResult) -> anyhow::Result<Sequence
         let made = made_beside(&folder.canonicalize()?, &input);
         ensure!(
             made.is_dir(),
-            "{}, its input, is not there any more, or not from this folder",
+            "{}, its input, is not there any more, or not from this folder; go to where solve was run, or give --input",
             input.display()
         );
         input = made;

@@ -1,5 +1,6 @@
 //! Verbs of `spba-ceres`: parse, call the library, print.
 
+mod batch;
 mod compare;
 mod eval;
 mod import;
@@ -11,6 +12,7 @@ mod prior;
 mod progress;
 mod regressor;
 mod render;
+mod report;
 mod reproduce;
 mod solve;
 
@@ -35,6 +37,8 @@ enum Verb {
     Inspect(inspect::Args),
     Import(import::Args),
     Eval(eval::Args),
+    Report(report::Args),
+    Batch(batch::Args),
     Compare(compare::Args),
     Render(render::Args),
     Reproduce(reproduce::Args),
@@ -60,6 +64,8 @@ pub fn run() -> ExitCode {
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Import(args) => import::run(&args),
         Verb::Eval(args) => eval::run(&args),
+        Verb::Report(args) => report::run(&args),
+        Verb::Batch(args) => batch::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),

@@ -210,18 +210,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             length_m: config.output.length_m,
             masks_anew: &masks_anew,
             config: &config.to_toml()?,
+            focal_deviation: config.objective.focal_deviation.unwrap_or(0.0),
             peak_memory_mb: report::peak_memory_mb(),
         },
         out,
     )?;
     summarise(&solution, &written, surface.mesh().is_some());
-    let doubts = report::doubts(
-        &written.result.frames,
-        &written.result.style,
-        written.result.focal_factor,
-        config.objective.focal_deviation.unwrap_or(0.0),
-    );
-    for words in &doubts.words {
+    for words in &written.doubts.words {
         println!("IN DOUBT         {words}");
     }
     #[cfg(feature = "vision")]
@@ -229,7 +224,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         args.raw.warn_without_networks();
     }
     anyhow::ensure!(
-        doubts.explained,
+        written.doubts.explained,
         "{}: not usable: no likely shape of the prior explains the masks; check the masks and --prior",
         out.display()
     );
@@ -458,7 +453,11 @@ fn summarise(solution: &Solution, written: &report::Written, is_mesh: bool) {
     }
     println!("cameras          {folder}/cameras.txt (TUM), {folder}/colmap/ (COLMAP), {folder}/result.json");
     println!(
-        "pictures         {} (first), {folder}/overlay/",
+        "report           {} (first: open it in a browser)",
+        written.page.display()
+    );
+    println!(
+        "pictures         {}, {folder}/overlay/",
         written.contact_sheet.display()
     );
 }

@@ -41,8 +41,7 @@ pub fn doubts(frames: &[FrameResult], style: &[f64], focal_factor: f64, focal_de
              (--prior) does not know such a shape"
         ));
     }
-    let length =
-        style.iter().map(|entry| entry * entry).sum::<f64>().sqrt() / (style.len().max(1) as f64).sqrt();
+    let length = style_length(style);
     if length > UNLIKELY_STYLE {
         words.push(format!(
             "the shape is unlike any that the prior knows ({length:.1} times the usual distance from the mean): check --prior and the masks"
@@ -75,6 +74,11 @@ pub fn doubts(frames: &[FrameResult], style: &[f64], focal_factor: f64, focal_de
             && focal_is_likely,
         words,
     }
+}
+
+/// ‖s‖ / √S: 1 is the usual length of a style, of which the prior expects the entries to have variance 1.
+pub(super) fn style_length(style: &[f64]) -> f64 {
+    style.iter().map(|entry| entry * entry).sum::<f64>().sqrt() / (style.len().max(1) as f64).sqrt()
 }
 
 #[cfg(test)]

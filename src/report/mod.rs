@@ -1,7 +1,7 @@
-//! The result folder: shape, cameras, depth maps, overlays, trace and `result.json`.
+//! The result folder: shape, cameras, depth maps, overlays, trace, `result.json`, and all of it to look at in `report.html`.
 //!
 //! [`write`] turns a [`Solution`](crate::solver::Solution) into files, [`RunResult::load`] and [`read_shape`] read
-//! them back; [`Surface`] says what the shape looks like in a camera.
+//! them back, [`write_page`] makes the page anew; [`Surface`] says what the shape looks like in a camera.
 
 mod colmap;
 mod colormap;
@@ -14,6 +14,7 @@ mod lettering;
 mod nearest;
 mod overlap;
 mod overlay;
+mod page;
 mod ply;
 mod result;
 mod review;
@@ -28,10 +29,12 @@ mod write;
 pub(crate) mod fixture;
 
 pub use crate::memory::{forget_peak_memory, peak_memory_mb};
+use doubts::style_length;
 pub use doubts::{Doubts, doubts};
 pub use folder::{check_out, file_stems};
 pub(crate) use nearest::Neighbours;
 pub use overlap::{density, silhouette_iou};
+pub use page::{as_solved, write_page};
 pub use ply::read_shape;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
 pub use review::write_review;

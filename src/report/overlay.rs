@@ -57,7 +57,8 @@ fn touches(mask: &Mask, (column, row): (usize, usize), value: bool) -> bool {
     .any(|(column, row)| mask.get(column, row) == Some(&value))
 }
 
-fn inverse_depth_range(depth: &DepthMap) -> (f32, f32) {
+/// The inverse depths at the far and the near end of the colour scale.
+pub(super) fn inverse_depth_range(depth: &DepthMap) -> (f32, f32) {
     let mut inverse: Vec<f32> = depth
         .data()
         .iter()

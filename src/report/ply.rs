@@ -67,24 +67,45 @@ pub(super) fn write_shape(
 
 /// The points of a PLY's `vertex` element (N × 3).
 pub fn read_shape(path: &Path) -> Result<Vec<Vector3<f64>>, ReportError> {
+    let vertices = read_vertices(path)?;
+    Ok(vertices
+        .iter()
+        .map(|vertex| Vector3::from(vertex.position).map(f64::from))
+        .collect())
+}
+
+/// The points of a PLY's `vertex` element, with normals (of whatever length) and colours, which are 0 where the file has none.
+pub(super) fn read_coloured(path: &Path) -> Result<Coloured, ReportError> {
+    let vertices = read_vertices(path)?;
+    Ok(Coloured {
+        points: vertices.iter().map(|vertex| vertex.position).collect(),
+        normals: vertices.iter().map(|vertex| vertex.normal).collect(),
+        colours: vertices.iter().map(|vertex| vertex.colour).collect(),
+    })
+}
+
+/// Points as [`write_shape`] writes them.
+pub(super) struct Coloured {
+    pub points: Vec<[f32; 3]>,
+    pub normals: Vec<[f32; 3]>,
+    pub colours: Vec<[u8; 3]>,
+}
+
+/// At least one, each with a finite position.
+fn read_vertices(path: &Path) -> Result<Vec<Element>, ReportError> {
     let file = std::fs::File::open(path).map_err(ReportError::io(path))?;
-    let ply = Parser::<Element>::new()
+    let mut ply = Parser::<Element>::new()
         .read_ply(&mut BufReader::new(file))
         .map_err(|error| ReportError::format(path, error))?;
-    let points: Vec<_> = ply
-        .payload
-        .get("vertex")
-        .into_iter()
-        .flatten()
-        .map(|vertex| Vector3::from(vertex.position).map(f64::from))
-        .collect();
-    if points.is_empty() || points.iter().any(|p| !p.iter().all(|c| c.is_finite())) {
+    let vertices = ply.payload.swap_remove("vertex").unwrap_or_default();
+    let finite = |vertex: &Element| vertex.position.iter().all(|x| x.is_finite());
+    if vertices.is_empty() || !vertices.iter().all(finite) {
         return Err(ReportError::format(
             path,
             "vertex must hold at least one point, all finite",
         ));
     }
-    Ok(points)
+    Ok(vertices)
 }
 
 const CORNERS: &str = "vertex_indices";
@@ -104,15 +125,22 @@ impl PropertyAccess for Element {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let value = match property {
+        let number = match property {
             Property::Float(value) => value,
             Property::Double(value) => value as f32,
+            Property::UChar(value) => f32::from(value),
             _ => return PropertyAccessResult::Ignored,
         };
         match name {
-            "x" => self.position[0] = value,
-            "y" => self.position[1] = value,
-            "z" => self.position[2] = value,
+            "x" => self.position[0] = number,
+            "y" => self.position[1] = number,
+            "z" => self.position[2] = number,
+            "nx" => self.normal[0] = number,
+            "ny" => self.normal[1] = number,
+            "nz" => self.normal[2] = number,
+            "red" => self.colour[0] = number as u8,
+            "green" => self.colour[1] = number as u8,
+            "blue" => self.colour[2] = number as u8,
             _ => return PropertyAccessResult::Ignored,
         }
         PropertyAccessResult::Set
@@ -175,6 +203,9 @@ mod tests {
         assert_eq!(bytes[end..end + 4], 1f32.to_le_bytes());
         assert_eq!(bytes[end + 24..end + 27], [255, 1, 2]);
         assert_eq!(read_shape(&path).unwrap(), points);
+        let read = read_coloured(&path).unwrap();
+        assert_eq!(read.normals, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        assert_eq!(read.colours, colours);
     }
 
     #[test]

@@ -122,6 +122,17 @@ impl From<&Similarity> for SimilarityRecord {
     }
 }
 
+impl From<&SimilarityRecord> for Similarity {
+    /// The rotation is taken to be one.
+    fn from(record: &SimilarityRecord) -> Self {
+        Self {
+            scale: record.scale,
+            rotation: Rotation3::from_matrix_unchecked(Matrix3::from(record.rotation).transpose()),
+            translation: Vector3::from(record.translation),
+        }
+    }
+}
+
 fn one() -> f64 {
     1.0
 }

@@ -3,9 +3,10 @@
 use super::colmap::ColmapModel;
 use super::colour::{ColourGatherer, Colours};
 use super::folder::Staging;
+use super::page::{PAGE, write_page};
 use super::sheet::Sheet;
 use super::texture::{Texture, TextureGatherer};
-use super::{FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
+use super::{Doubts, FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, trajectory};
 use crate::files::write_whole;
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
@@ -32,6 +33,8 @@ pub struct ReportInput<'a> {
     pub masks_anew: &'a [String],
     /// The effective configuration, TOML.
     pub config: &'a str,
+    /// The standard deviation of the focal lengths' logarithm that the solve was given; 0 where they were held.
+    pub focal_deviation: f64,
     /// [`peak_memory_mb`](super::peak_memory_mb) at the end of the solve.
     pub peak_memory_mb: Option<f64>,
 }
@@ -40,9 +43,13 @@ pub struct ReportInput<'a> {
 #[derive(Clone, Debug)]
 pub struct Written {
     pub folder: PathBuf,
-    /// The first thing to look at.
+    /// The first thing to look at, in a browser.
+    pub page: PathBuf,
+    /// All frames with the shape over them, as one picture.
     pub contact_sheet: PathBuf,
     pub result: RunResult,
+    /// What speaks against the result.
+    pub doubts: Doubts,
 }
 
 /// What an input's units may be in diagonals of the object: far more than any, and far less than what a diverged solve gives.
@@ -121,11 +128,14 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     staging.text("config.toml", input.config)?;
     let result = summarise(input, frames, object_from_input);
     staging.text("result.json", &result.to_json()?)?;
+    let doubts = write_page(&staging.path(), sequence, input.focal_deviation)?;
     staging.publish()?;
     Ok(Written {
         folder: out.to_owned(),
+        page: out.join(PAGE),
         contact_sheet: out.join("overlay.png"),
         result,
+        doubts,
     })
 }
 

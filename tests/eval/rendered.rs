@@ -107,6 +107,7 @@ pub fn write_result_of(
         length_m: None,
         masks_anew: &[],
         config,
+        focal_deviation: 0.0,
         peak_memory_mb: None,
     };
     spba_ceres::report::write(&input, out).unwrap();

@@ -14,6 +14,7 @@ fn input<'a>(sequence: &'a Sequence, solution: &'a Solution, surface: &'a Surfac
         prior: "box 1",
         masks_anew: &[],
         config: "[solver]\n",
+        focal_deviation: 0.0,
         peak_memory_mb: Some(12.5),
     }
 }
@@ -41,6 +42,7 @@ fn the_folder_is_complete_and_reads_back() {
         "depth",
         "overlay",
         "overlay.png",
+        "report.html",
         "result.json",
         "shape.ply",
         "shape_input.ply",
@@ -195,6 +197,7 @@ fn two_writes_are_equal_byte_for_byte() {
         "result.json",
         "depth/frame_001.exr",
         "overlay.png",
+        "report.html",
         "colmap/points3D.txt",
     ] {
         assert_eq!(
