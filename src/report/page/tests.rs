@@ -22,6 +22,7 @@ impl Made {
             solution: &solution,
             surface: &surface,
             input: "data/<box> & co",
+            length_m: None,
             prior: "car linear (schema 1)",
             masks_anew: &[],
             config: "[solver]\n# </script><b>\n",
