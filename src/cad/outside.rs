@@ -59,11 +59,6 @@ impl OutsideSample {
     }
 }
 
-/// The reflection in x = 0.
-pub fn mirror(v: &V3) -> V3 {
-    V3::new(-v.x, v.y, v.z)
-}
-
 /// Draws `count` area-uniform samples of `mesh` and keeps those on the outside (about two thirds for a model
 /// with an interior). Same mesh, count and seed: same samples.
 pub fn sample_outside(mesh: &Mesh, count: usize, seed: u64) -> OutsideSample {

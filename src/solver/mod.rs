@@ -99,6 +99,12 @@ pub fn solve(
             },
         )
         .collect();
+    tracing::info!(
+        "start {} of {} is the best: objective {:.1}",
+        short.chosen,
+        starts.len(),
+        short.objectives[short.chosen].1
+    );
     let refined = refine(
         footage,
         prior,
@@ -108,6 +114,12 @@ pub fn solve(
         options,
         observer,
     )?;
+    tracing::info!(
+        "objective {:.1} -> {:.1} in {} iterations",
+        refined.objective_start.total,
+        refined.objective_end.total,
+        refined.iterations
+    );
     let found = match prior.freed(options.free_form)? {
         Some(freed) if refined.termination != Termination::Interrupted => free(
             footage,
@@ -245,6 +257,7 @@ pub fn short_solves(
             index,
             estimate: start.clone(),
             objectives: (f64::INFINITY, f64::INFINITY),
+            interrupted: false,
             trace: Vec::new(),
             cpu_seconds: 0.0,
         })
@@ -278,11 +291,15 @@ pub fn short_solves(
             trial.take(descent, round == 0);
             Ok::<_, SolveError>(())
         })?;
+        tracing::debug!("round {round}: {} starts solved", trials.len());
         // Stable, so that ties keep the order of the starts.
         trials.sort_by(|a, b| a.objectives.1.total_cmp(&b.objectives.1));
         let kept = trials.len().div_ceil(2);
         if round + 1 < SHORT_SOLVE_STEPS.len() {
             given_up.extend(trials.drain(kept..));
+        }
+        if trials.iter().any(|trial| trial.interrupted) {
+            break;
         }
     }
     let best = trials.first().ok_or(SolveError::NoStart)?;
@@ -311,6 +328,7 @@ struct Trial {
     estimate: Estimate,
     /// At the start and now.
     objectives: (f64, f64),
+    interrupted: bool,
     trace: Vec<TraceRow>,
     cpu_seconds: f64,
 }
@@ -321,6 +339,7 @@ impl Trial {
             self.objectives.0 = descent.start.total;
         }
         self.objectives.1 = descent.end.total;
+        self.interrupted = descent.termination == Termination::Interrupted;
         self.estimate = descent.estimate;
         self.trace.extend(descent.trace);
         self.cpu_seconds += descent.cpu_seconds;

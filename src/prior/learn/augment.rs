@@ -125,7 +125,8 @@ impl Wave {
 mod tests {
     use super::*;
     use crate::cad::synthetic::toy_car;
-    use crate::cad::{mirror, sample_outside};
+    use crate::cad::sample_outside;
+    use crate::geometry::mirror;
 
     fn toys() -> Vec<Vec<f64>> {
         [0.1, 0.2]

@@ -1,0 +1,305 @@
+//! libspba as a C++ stack has it: installed, moved, found by CMake and by pkg-config, and fed from memory.
+
+#![allow(clippy::unwrap_used)]
+
+use nalgebra::{Quaternion, UnitQuaternion};
+use spba_ceres::image::{Mask, RgbImage};
+use spba_ceres::report::{RunResult, read_shape};
+use spba_ceres::sequence::{self, LoadOptions, Sequence};
+use std::fmt::Write;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"];
+
+/// What a command says; it must succeed.
+fn succeed(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        output.status.success(),
+        "{command:?}\n{told}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    told
+}
+
+/// The prefix: installed elsewhere and moved there, so that nothing in it may remember where it was.
+fn prefix() -> &'static Path {
+    static PREFIX: OnceLock<PathBuf> = OnceLock::new();
+    PREFIX.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("library");
+        fs::create_dir_all(&folder).unwrap();
+        // nextest runs each test as a process of its own.
+        let lock = File::create(folder.join("lock")).unwrap();
+        lock.lock().unwrap();
+        let (build, first, moved) = (folder.join("build"), folder.join("first"), folder.join("moved"));
+        for old in [&first, &moved] {
+            let _ = fs::remove_dir_all(old);
+        }
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+        succeed(
+            Command::new("cmake")
+                .args(["-S", "cpp", "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_INSTALL_LIBDIR=lib", "-B"])
+                .arg(&build)
+                .arg(format!("-DCMAKE_INSTALL_PREFIX={}", first.display()))
+                .arg(format!("-DSPBA_CARGO_TARGET_DIR={}", target.display()))
+                .current_dir(ROOT),
+        );
+        succeed(Command::new("cmake").arg("--build").arg(&build));
+        succeed(Command::new("cmake").arg("--install").arg(&build).arg("--strip"));
+        fs::rename(&first, &moved).unwrap();
+        moved
+    })
+}
+
+/// What pkg-config says of the moved library.
+fn flags() -> Vec<String> {
+    let told = succeed(
+        Command::new("pkg-config")
+            .args(["--cflags", "--libs", "spba"])
+            .env("PKG_CONFIG_PATH", prefix().join("lib/pkgconfig")),
+    );
+    let run_path = format!("-Wl,-rpath,{}", prefix().join("lib").display());
+    told.split_whitespace().map(str::to_owned).chain([run_path]).collect()
+}
+
+/// A program of one source file, made with a compiler, these arguments, and what pkg-config says.
+fn compiled(compiler: &str, source: &Path, arguments: &[&str], libraries: &[&str]) -> PathBuf {
+    let name = format!(
+        "{}-{}",
+        source.file_stem().unwrap().display(),
+        arguments.concat().replace(['/', ',', '='], "")
+    );
+    let program = prefix().with_file_name(name);
+    succeed(
+        Command::new(compiler)
+            .args(arguments)
+            .args(WARNINGS)
+            .arg(source)
+            .args(flags())
+            .args(libraries)
+            .arg("-o")
+            .arg(&program),
+    );
+    program
+}
+
+/// The samples, built by CMake from the moved prefix.
+fn samples() -> &'static Path {
+    static SAMPLES: OnceLock<PathBuf> = OnceLock::new();
+    SAMPLES.get_or_init(|| {
+        let build = prefix().with_file_name("samples");
+        let flags = WARNINGS.join(" ");
+        succeed(
+            Command::new("cmake")
+                .arg("-S")
+                .arg(prefix().join("share/spba/samples"))
+                .arg("-B")
+                .arg(&build)
+                .arg(format!("-DCMAKE_PREFIX_PATH={}", prefix().display()))
+                .arg(format!("-DCMAKE_C_FLAGS={flags}"))
+                .arg(format!("-DCMAKE_CXX_FLAGS={flags}"))
+                .arg("-DCMAKE_BUILD_TYPE=Release"),
+        );
+        succeed(Command::new("cmake").arg("--build").arg(&build));
+        build
+    })
+}
+
+#[test]
+fn only_functions_of_the_header_are_exported() {
+    let library = prefix().join("lib/libspba.so.0");
+    let header = fs::read_to_string(prefix().join("include/spba/spba.h")).unwrap();
+    let told = succeed(Command::new("nm").args(["-D", "--defined-only"]).arg(&library));
+    let exported: Vec<&str> = told.lines().filter_map(|line| line.split(' ').nth(2)).collect();
+    assert!(exported.len() > 20, "{told}");
+    for name in &exported {
+        assert!(header.contains(&format!("{name}(")), "{name} is exported, and not in spba.h");
+    }
+    let declared = header.lines().filter(|line| line.starts_with("SPBA_API "));
+    assert_eq!(exported.len(), declared.count());
+}
+
+#[test]
+fn the_library_is_small_and_links_neither_opencv_nor_the_command_line() {
+    let library = prefix().join("lib/libspba.so.0");
+    let megabytes = fs::metadata(&library).unwrap().len() as f64 / 1e6;
+    assert!(megabytes <= 12.0, "{megabytes} MB");
+    let needed = succeed(Command::new("readelf").args(["-d"]).arg(&library));
+    assert!(needed.contains("Library soname: [libspba.so.0]"), "{needed}");
+    assert!(needed.contains("libceres") && !needed.contains("opencv"), "{needed}");
+    let tree = succeed(
+        Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--offline", "-p", "spba-capi", "--edges", "normal", "--prefix", "none"])
+            .current_dir(ROOT),
+    );
+    for unwanted in ["clap ", "plotters ", "include_dir ", "rten ", "burn ", "indicatif "] {
+        assert!(!tree.contains(unwanted), "{unwanted}: {tree}");
+    }
+}
+
+#[test]
+fn priors_are_installed_as_files_with_their_licences() {
+    let folder = prefix().join("share/spba/priors");
+    for name in ["car.safetensors", "chair.safetensors", "airplane.safetensors", "LICENCES.md"] {
+        assert!(folder.join(name).exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_program_in_c_passes() {
+    let source = prefix().join("share/spba/samples/plain_c.c");
+    let program = compiled("cc", &source, &["-std=c11", "-O1"], &["-lm"]);
+    let told = succeed(&mut Command::new(program));
+    assert!(told.contains("with observer calls"), "{told}");
+    succeed(&mut Command::new(samples().join("plain_c")));
+}
+
+#[test]
+fn hosts_mistakes_are_errors_and_their_glog_stays_theirs() {
+    let source = Path::new(ROOT).join("cpp/tests/installed/library.cc");
+    for arguments in [
+        // An Eigen or Ceres with other instructions than the library's must not matter.
+        &["-std=c++17", "-O2", "-march=native"][..],
+        &["-std=c++20", "-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"],
+    ] {
+        succeed(&mut Command::new(compiled("c++", &source, arguments, &["-lglog", "-pthread"])));
+    }
+}
+
+/// The sequence with rotations as those of their quaternions, and these, so that files with either hold the same bits.
+fn with_quaternions(sequence: Sequence) -> (Sequence, Vec<Quaternion<f64>>) {
+    let frames = sequence.frames.iter();
+    let rotations = frames.map(|frame| frame.camera_from_input.unwrap().rotation);
+    let quaternions: Vec<_> = rotations
+        .map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation).into_inner())
+        .collect();
+    let turned = sequence.edited(|content| {
+        for (frame, quaternion) in content.frames.iter_mut().zip(&quaternions) {
+            let pose = frame.camera_from_input.as_mut().unwrap();
+            pose.rotation = UnitQuaternion::new_normalize(*quaternion).to_rotation_matrix();
+        }
+    });
+    (turned.unwrap(), quaternions)
+}
+
+/// The frames as `cpp/samples/frames.h` reads them.
+fn write_frames(sequence: &Sequence, quaternions: &[Quaternion<f64>], folder: &Path) {
+    fs::create_dir_all(folder).unwrap();
+    let mut list = String::new();
+    for (frame, q) in sequence.frames.iter().zip(quaternions) {
+        let camera = &frame.camera;
+        let t = frame.camera_from_input.unwrap().translation;
+        let numbers = [
+            camera.fx, camera.fy, camera.cx, camera.cy, q.w, q.i, q.j, q.k, t.x, t.y, t.z,
+        ];
+        write!(list, "{}", frame.name).unwrap();
+        numbers.iter().for_each(|x| write!(list, " {x:?}").unwrap());
+        list.push('\n');
+        let file = |ending: &str| folder.join(format!("{}{ending}", frame.name));
+        fs::write(file(".ppm"), ppm(&frame.image)).unwrap();
+        fs::write(file("_mask.pgm"), pgm(&frame.mask)).unwrap();
+        let depth = frame.depth.as_ref().unwrap();
+        let mut pfm = format!("Pf {} {} -1\n", depth.width(), depth.height()).into_bytes();
+        for row in depth.data().chunks_exact(depth.width()).rev() {
+            pfm.extend(row.iter().flat_map(|z| z.to_le_bytes()));
+        }
+        fs::write(file("_depth.pfm"), pfm).unwrap();
+    }
+    fs::write(folder.join("frames.txt"), list).unwrap();
+}
+
+fn ppm(image: &RgbImage) -> Vec<u8> {
+    let header = format!("P6 {} {} 255\n", image.width(), image.height());
+    let colours = image.data().as_flattened().iter().map(|&x| x as u8);
+    header.into_bytes().into_iter().chain(colours).collect()
+}
+
+fn pgm(mask: &Mask) -> Vec<u8> {
+    let header = format!("P5 {} {} 255\n", mask.width(), mask.height());
+    let values = mask.data().iter().map(|&inside| if inside { 255 } else { 0 });
+    header.into_bytes().into_iter().chain(values).collect()
+}
+
+/// The numbers of the line that starts with `what`, after its words.
+fn numbers(told: &str, what: &str) -> Vec<f64> {
+    let line = told.lines().find_map(|line| line.strip_prefix(what)).unwrap();
+    line.split_whitespace().filter_map(|word| word.parse().ok()).collect()
+}
+
+fn close(found: &[f64], expected: &[f64], what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a - b).abs() <= 1e-9, "{what}: {a} {b}");
+    }
+}
+
+/// Of the bundled car: what the command line finds in files is what the library finds in memory, with another number of threads.
+#[test]
+fn from_memory_comes_what_the_command_line_finds() {
+    let home = tempfile::tempdir().unwrap();
+    let car = Path::new(ROOT).join("data/sequences/car");
+    let read = sequence::load(&car, &LoadOptions::default()).unwrap();
+    let (sequence, quaternions) = with_quaternions(read);
+    let (input, out, frames) = (
+        home.path().join("input"),
+        home.path().join("out"),
+        home.path().join("frames"),
+    );
+    sequence::write(&sequence, &input).unwrap();
+    write_frames(&sequence, &quaternions, &frames);
+    // Half the default effort: what is compared is the way, not how good it is.
+    let keys = "[init.hypotheses]\ncount = 2\n[objective]\npoints = 2048\n[solver]\nlevels = 2\n";
+    let options = home.path().join("options.toml");
+    let prior = prefix().join("share/spba/priors/car.safetensors");
+    fs::write(&options, format!("threads = 1\n{keys}")).unwrap();
+    succeed(
+        Command::new(env!("CARGO_BIN_EXE_spba-ceres"))
+            .arg("solve")
+            .arg(&input)
+            .args(["--threads", "2", "--config"])
+            .arg(&options)
+            .arg("--prior")
+            .arg(&prior)
+            .arg("--out")
+            .arg(&out),
+    );
+    let told = succeed(
+        Command::new(samples().join("memory_solve"))
+            .arg(&frames)
+            .arg(&prior)
+            .arg(&options),
+    );
+
+    let result = RunResult::load(&out).unwrap();
+    for frame in &result.frames {
+        let found = numbers(&told, &format!("frame {} ", frame.name));
+        let pose = frame.camera_from_object().unwrap();
+        let q = UnitQuaternion::from_rotation_matrix(&pose.rotation);
+        close(&found, &[frame.silhouette_iou, q.w, q.i, q.j, q.k], &frame.name);
+    }
+    let translations: Vec<&str> = told.lines().filter(|line| line.starts_with("translation")).collect();
+    assert_eq!(translations.len(), result.frames.len());
+    for (line, frame) in translations.iter().zip(&result.frames) {
+        close(&numbers(line, "translation"), &frame.translation, &frame.name);
+    }
+    close(&numbers(&told, "style"), &result.style, "style");
+    close(&numbers(&told, "objective "), &[result.objective.end.total], "objective");
+    let sim3 = result.object_from_input.unwrap();
+    close(
+        &numbers(&told, "object_from_world scale"),
+        &[sim3.scale],
+        "object_from_world",
+    );
+    close(
+        &numbers(&told, "object_from_world translation"),
+        &sim3.translation,
+        "object_from_world",
+    );
+    let points = read_shape(&out.join("shape.ply")).unwrap();
+    assert!(told.contains(&format!("points {} faces ", points.len())), "{told}");
+}
