@@ -175,10 +175,7 @@ impl Config {
         Self::laid_over_defaults(file, settings)
     }
 
-    fn laid_over_defaults(
-        file: Option<(Table, &Path)>,
-        settings: &[Setting],
-    ) -> Result<Self, ConfigError> {
+    fn laid_over_defaults(file: Option<(Table, &Path)>, settings: &[Setting]) -> Result<Self, ConfigError> {
         let mut table = Table::try_from(Self::default())?;
         if let Some((keys, path)) = file {
             setting::lay(&mut table, keys);

@@ -215,10 +215,7 @@ impl Frames {
             .image
             .ok_or_else(|| missing("image"))?
             .image(&field("image"))?;
-        let mask = given
-            .mask
-            .ok_or_else(|| missing("mask"))?
-            .mask(&field("mask"))?;
+        let mask = given.mask.ok_or_else(|| missing("mask"))?.mask(&field("mask"))?;
         if !mask.data().contains(&true) {
             return Err(Fault::input(
                 field("mask"),
@@ -233,7 +230,10 @@ impl Frames {
                 "mark the object and nothing else",
             ));
         }
-        let depth = given.depth.map(|depth| depth.depth(&field("depth"))).transpose()?;
+        let depth = given
+            .depth
+            .map(|depth| depth.depth(&field("depth")))
+            .transpose()?;
         let pose = given
             .cam_from_world
             .map(|pose| pose.checked(&field("cam_from_world")))

@@ -52,11 +52,10 @@ impl<'a> Watch<'a> {
     }
 
     fn goes_on(&self, stage: &str, step: usize, iteration: usize, objective: f64) -> bool {
-        let Some(observer) = self.observer else { return true };
-        let _one = self
-            .one_at_a_time
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let Some(observer) = self.observer else {
+            return true;
+        };
+        let _one = self.one_at_a_time.lock().unwrap_or_else(PoisonError::into_inner);
         if self.stopped.load(Ordering::SeqCst) {
             return false;
         }

@@ -13,7 +13,8 @@ static int check(spba_code code, const char* what) {
   return code == SPBA_OK;
 }
 
-/* A sphere of diameter 1 / sqrt(3), so that its box has a diagonal of 1; the one style stretches it by a tenth. */
+/* A sphere of diameter 1 / sqrt(3), so that its box has a diagonal of 1; the one style stretches it by a
+ * tenth. */
 static int make_prior(spba_prior** prior) {
   static double mean[3 * POINTS], basis[3 * POINTS], normals[3 * POINTS];
   const double radius = 0.5 / sqrt(3.0);
@@ -94,7 +95,8 @@ int main(void) {
   for (int i = 0; i < FRAMES; ++i) {
     if (!add_frame(sequence, i)) goto end;
   }
-  if (!check(spba_options_from_toml("threads = 1\n[solver]\nlevels = 1\n[init.hypotheses]\ncount = 1\n", &options),
+  if (!check(spba_options_from_toml("threads = 1\n[solver]\nlevels = 1\n[init.hypotheses]\ncount = 1\n",
+                                    &options),
              "spba_options_from_toml") ||
       !check(spba_solve(sequence, prior, options, &callbacks, &solution), "spba_solve")) {
     goto end;

@@ -32,7 +32,8 @@ Picture<T> ReadPicture(const std::string& path, const std::string& magic, std::s
   for (std::size_t y = 0; y < picture.height; ++y) {
     // PFM starts at the bottom.
     const std::size_t at = magic == "Pf" ? picture.height - 1 - y : y;
-    file.read(reinterpret_cast<char*>(&picture.data[at * row]), static_cast<std::streamsize>(row * sizeof(T)));
+    file.read(reinterpret_cast<char*>(&picture.data[at * row]),
+              static_cast<std::streamsize>(row * sizeof(T)));
   }
   if (!file) throw std::runtime_error(path + ": it ends too early");
   return picture;

@@ -3,6 +3,7 @@
 use super::Mesh;
 use super::bvh::Bvh;
 use super::random::Random;
+use crate::geometry::mirror;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 

@@ -22,4 +22,6 @@ pub fn mirror(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(-v.x, v.y, v.z)
 }
 
-pub use nalgebra::{Matrix3, Matrix4, Point2, Point3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3, Vector4};
+pub use nalgebra::{
+    Matrix3, Matrix4, Point2, Point3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3, Vector4,
+};

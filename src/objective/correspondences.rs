@@ -1,7 +1,7 @@
 //! The residuals of Eq. 4 to 6 one by one, each with its weight: for hosts that build a problem of their own.
 
 use super::matcher::Matcher;
-use super::{Footage, ObjectiveError, ObjectiveOptions, silhouette, terms};
+use super::{Footage, ObjectiveError, ObjectiveOptions, terms};
 use crate::bridge::ceres::ffi;
 use crate::geometry::Vector3;
 use crate::image::NearestPixel;

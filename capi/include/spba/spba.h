@@ -3,7 +3,8 @@
  *
  * Conventions
  *  - A function returns a spba_code. Where it is not SPBA_OK, spba_error_message() says what is wrong and how
- *    to mend it, in one line, until the next call on the same thread. No exception or panic leaves a function.
+ *    to mend it, in one line, until the next call on the same thread. No exception or panic leaves a
+ * function.
  *  - Every struct that a function reads or fills starts with its size, which the caller sets to sizeof.
  *  - Handles are freed with their _free function, which takes NULL too. A handle is used from one thread at a
  *    time; a spba_prior, spba_options or spba_solution that nothing changes, from any number of threads.
@@ -51,11 +52,11 @@ SPBA_API const char* spba_version(void);
 
 typedef uint32_t spba_format;
 enum {
-  SPBA_RGB_U8 = 0,   /* interleaved, 0 to 255 */
-  SPBA_BGR_U8 = 1,   /* as OpenCV has it */
-  SPBA_RGB_F32 = 2,  /* interleaved, 0 to 255 */
-  SPBA_GREY_U8 = 3,  /* one channel */
-  SPBA_GREY_F32 = 4  /* one channel */
+  SPBA_RGB_U8 = 0,  /* interleaved, 0 to 255 */
+  SPBA_BGR_U8 = 1,  /* as OpenCV has it */
+  SPBA_RGB_F32 = 2, /* interleaved, 0 to 255 */
+  SPBA_GREY_U8 = 3, /* one channel */
+  SPBA_GREY_F32 = 4 /* one channel */
 };
 
 /* A view of a picture, a mask or a depth map, row by row from the top. */
@@ -244,27 +245,27 @@ typedef struct spba_known_inverse_depth {
 typedef struct spba_silhouette_matches {
   uint32_t struct_size;
   uint32_t pixel_count;
-  uint32_t point_count;            /* of the first points of the prior */
-  double pixel_weight;             /* of each pixel */
-  const double* pixels;            /* 2 a pixel: its centre */
-  const uint32_t* point_of_pixel;  /* the nearest point of each pixel */
-  const double* pixel_of_point;    /* 2 a point: the mask's pixel nearest to it */
-  const double* point_weights;     /* one a point */
+  uint32_t point_count;           /* of the first points of the prior */
+  double pixel_weight;            /* of each pixel */
+  const double* pixels;           /* 2 a pixel: its centre */
+  const uint32_t* point_of_pixel; /* the nearest point of each pixel */
+  const double* pixel_of_point;   /* 2 a point: the mask's pixel nearest to it */
+  const double* point_weights;    /* one a point */
 } spba_silhouette_matches;
 
 typedef struct spba_weights {
   uint32_t struct_size;
-  uint32_t point_count;          /* of the prior that are in use: the first so many */
-  double photometric_huber;      /* colour levels */
-  double silhouette_cauchy;      /* pixels; 0: squares */
-  double silhouette_tolerance;   /* pixels */
-  double inverse_depth_weight;   /* of each */
-  double inverse_depth_huber;    /* inverse units of the poses */
-  double style_weight;           /* the cost is style_weight / 2 |s|^2 */
+  uint32_t point_count;        /* of the prior that are in use: the first so many */
+  double photometric_huber;    /* colour levels */
+  double silhouette_cauchy;    /* pixels; 0: squares */
+  double silhouette_tolerance; /* pixels */
+  double inverse_depth_weight; /* of each */
+  double inverse_depth_huber;  /* inverse units of the poses */
+  double style_weight;         /* the cost is style_weight / 2 |s|^2 */
 } spba_weights;
 
-/* At an estimate: a pose per frame, S styles and alpha (object diagonals a unit of the host's poses). `options`
- * NULL: the defaults. alpha also sets the unit in which inverse depths are weighed from then on. */
+/* At an estimate: a pose per frame, S styles and alpha (object diagonals a unit of the host's poses).
+ * `options` NULL: the defaults. alpha also sets the unit in which inverse depths are weighed from then on. */
 SPBA_API spba_code spba_correspondences_new(const spba_sequence* sequence, const spba_prior* prior,
                                             const spba_options* options, const spba_pose* cam_from_object,
                                             const double* style, double alpha,

@@ -147,10 +147,10 @@ struct Sim3 {
 };
 
 struct Frame {
-  std::string name;  // each once
-  Raster image;      // three channels, undistorted
-  Raster mask;       // one channel: the object is above 127 (u8) or above 0.5 (f32)
-  Pinhole camera{};  // pixels
+  std::string name;                        // each once
+  Raster image;                            // three channels, undistorted
+  Raster mask;                             // one channel: the object is above 127 (u8) or above 0.5 (f32)
+  Pinhole camera{};                        // pixels
   std::optional<Rigid3> cam_from_world{};  // COLMAP's convention, in the host's units
   Raster depth{};  // one channel of f32: z in units of the poses, 0 = unknown; may be left out
 };
@@ -203,11 +203,11 @@ class Prior {
   static Prior Linear(const std::vector<double>& mean, const std::vector<double>& basis,
                       std::uint32_t style_count, const std::vector<double>& normals) {
     if (mean.size() % 3 != 0 || basis.size() != mean.size() * style_count || normals.size() != mean.size()) {
-      throw Error(Code::kInvalidPrior,
-                  "the linear prior: mean has " + std::to_string(mean.size()) + " entries, basis " +
-                      std::to_string(basis.size()) + " and normals " + std::to_string(normals.size()) +
-                      ", for " + std::to_string(style_count) +
-                      " styles; give 3 N, 3 N style_count and 3 N of them");
+      throw Error(Code::kInvalidPrior, "the linear prior: mean has " + std::to_string(mean.size()) +
+                                           " entries, basis " + std::to_string(basis.size()) +
+                                           " and normals " + std::to_string(normals.size()) + ", for " +
+                                           std::to_string(style_count) +
+                                           " styles; give 3 N, 3 N style_count and 3 N of them");
     }
     spba_linear_prior arrays = internal::Sized<spba_linear_prior>();
     arrays.point_count = static_cast<std::uint32_t>(mean.size() / 3);
@@ -224,8 +224,8 @@ class Prior {
   std::size_t point_count() const { return spba_prior_point_count(handle_.get()); }
   bool is_linear() const { return spba_prior_is_linear(handle_.get()) != 0; }
 
-  // X(s) of the first points.size() / 3 points, and its derivative by s: rows of style_count(), one an entry of
-  // `points`. `jacobian` may be null.
+  // X(s) of the first points.size() / 3 points, and its derivative by s: rows of style_count(), one an entry
+  // of `points`. `jacobian` may be null.
   void Evaluate(const std::vector<double>& style, std::vector<double>* points,
                 std::vector<double>* jacobian = nullptr) const {
     if (style.size() != style_count()) {
@@ -311,8 +311,7 @@ class Solution {
   // Of the frame added as the `frame`-th, counted from 0; translation in object diagonals.
   Rigid3 cam_from_object(std::size_t frame) const {
     spba_pose pose{};
-    internal::Check(
-        spba_solution_cam_from_object(handle_.get(), static_cast<std::uint32_t>(frame), &pose));
+    internal::Check(spba_solution_cam_from_object(handle_.get(), static_cast<std::uint32_t>(frame), &pose));
     Rigid3 rigid;
     for (std::size_t i = 0; i < 4; ++i) rigid.quaternion_wxyz[i] = pose.quaternion_wxyz[i];
     for (std::size_t i = 0; i < 3; ++i) rigid.translation[i] = pose.translation[i];
@@ -337,7 +336,9 @@ class Solution {
   }
 
   View<double> style() const { return {spba_solution_style(handle_.get()), summary_.style_count}; }
-  View<double> free_form() const { return {spba_solution_free_form(handle_.get()), summary_.free_form_count}; }
+  View<double> free_form() const {
+    return {spba_solution_free_form(handle_.get()), summary_.free_form_count};
+  }
   // xyz after xyz, object frame.
   View<double> points() const {
     return {spba_solution_points(handle_.get()), 3 * std::size_t{summary_.point_count}};
@@ -430,7 +431,8 @@ struct Estimate {
   double alpha = 1.0;
 };
 
-// What a problem of the host's own compares, and with what weight (spba.h). Keeps what it needs of the sequence.
+// What a problem of the host's own compares, and with what weight (spba.h). Keeps what it needs of the
+// sequence.
 class Correspondences {
  public:
   Correspondences(const Sequence& sequence, const Prior& prior, const Options& options,

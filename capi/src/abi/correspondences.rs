@@ -75,7 +75,11 @@ unsafe fn estimate_for(
     let found = &correspondences.found;
     // SAFETY: as of the module above, here and below.
     let poses = unsafe { slice(cam_from_object, found.silhouettes().len(), "cam_from_object") }?;
-    estimate(poses, unsafe { slice(style, found.style_count(), "style") }?, alpha)
+    estimate(
+        poses,
+        unsafe { slice(style, found.style_count(), "style") }?,
+        alpha,
+    )
 }
 
 #[unsafe(no_mangle)]

@@ -27,17 +27,19 @@ extern "C" fn spba_error_message() -> *const c_char {
 
 #[unsafe(no_mangle)]
 extern "C" fn spba_version() -> *const c_char {
-    const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
-        Ok(version) => version,
-        Err(_) => c"",
-    };
+    const VERSION: &CStr =
+        match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+            Ok(version) => version,
+            Err(_) => c"",
+        };
     VERSION.as_ptr()
 }
 
 /// Runs what a function does: neither a panic nor an error leaves it but as a code, with the message kept for
 /// [`spba_error_message`].
 fn guarded(work: impl FnOnce() -> Result<(), Fault>) -> i32 {
-    let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(Fault::Panic(words(&*panic))));
+    let outcome =
+        catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(Fault::Panic(words(&*panic))));
     let Err(fault) = outcome else {
         return Code::Ok as i32;
     };

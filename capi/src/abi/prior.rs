@@ -40,7 +40,11 @@ unsafe extern "C" fn spba_prior_linear(arrays: *const CLinearPrior, prior: *mut 
         let basis = unsafe { slice(arrays.basis, 3 * points * styles, "arrays.basis") }?;
         let normals = unsafe { slice(arrays.normals, 3 * points, "arrays.normals") }?;
         if styles == 0 {
-            return Err(Fault::input("arrays.style_count", "it is 0", "give at least one style"));
+            return Err(Fault::input(
+                "arrays.style_count",
+                "it is 0",
+                "give at least one style",
+            ));
         }
         let normals = normals.as_chunks::<3>().0.iter();
         let linear = LinearPrior::new(
@@ -106,7 +110,9 @@ unsafe extern "C" fn spba_prior_evaluate(
             ));
         }
         if !points.is_null() {
-            prior.points(style, unsafe { std::slice::from_raw_parts_mut(points, 3 * count) });
+            prior.points(style, unsafe {
+                std::slice::from_raw_parts_mut(points, 3 * count)
+            });
         }
         if !jacobian.is_null() {
             prior.jacobian(style, unsafe {

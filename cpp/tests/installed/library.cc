@@ -54,7 +54,7 @@ void BadFrames() {
   using spba::Frame;
   using sphere::Pictures;
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  RefusedFrame({"frames[1] `frame1`", "quaternion_wxyz", "norm is nan"}, [](Frame* frame, Pictures*) {
+  RefusedFrame({"frames[1] `frame1`", "quaternion_wxyz", "norm is NaN"}, [](Frame* frame, Pictures*) {
     frame->cam_from_world = spba::Rigid3{{kNan, 0, 0, 0}, {}};
   });
   RefusedFrame({"frames[1] `frame1`", "quaternion_wxyz", "norm is 0"}, [](Frame* frame, Pictures*) {
@@ -81,7 +81,7 @@ void BadFrames() {
   });
   RefusedFrame({"frames[1] `frame1`.mask", "three channels"},
                [](Frame* frame, Pictures*) { frame->mask = frame->image; });
-  RefusedFrame({"frames[1].camera.fx", "nan"}, [](Frame* frame, Pictures*) { frame->camera.fx = kNan; });
+  RefusedFrame({"frames[1].camera.fx", "NaN"}, [](Frame* frame, Pictures*) { frame->camera.fx = kNan; });
   RefusedFrame({"frames[1].name", "taken"}, [](Frame* frame, Pictures*) { frame->name = "frame0"; });
   std::vector<float> depth(sphere::kWidth * sphere::kHeight, -1.0f);
   RefusedFrame({"frames[1].depth", "negative"}, [&](Frame* frame, Pictures*) {
@@ -122,7 +122,8 @@ std::vector<double> Numbers(const spba::Solution& solution) {
 }
 
 std::vector<double> SolveOnce(const spba::Callbacks& callbacks = {}) {
-  return Numbers(spba::Solve(sphere::MakeSequence(3), sphere::MakePrior(), sphere::QuickOptions(), callbacks));
+  return Numbers(
+      spba::Solve(sphere::MakeSequence(3), sphere::MakePrior(), sphere::QuickOptions(), callbacks));
 }
 
 void Callbacks() {
@@ -167,9 +168,7 @@ void Callbacks() {
 void Stopping() {
   const auto stop_in = [](const std::string& stage) {
     spba::Callbacks callbacks;
-    callbacks.observer = [stage](const spba::Progress& progress) {
-      return progress.stage.find(stage) != 0;
-    };
+    callbacks.observer = [stage](const spba::Progress& progress) { return progress.stage.find(stage) != 0; };
     return spba::Solve(sphere::MakeSequence(3), sphere::MakePrior(), sphere::QuickOptions(), callbacks);
   };
   Refused(spba::Code::kInterrupted, {"stopped"}, [&] { stop_in("initialise"); });

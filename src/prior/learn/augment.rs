@@ -124,8 +124,8 @@ impl Wave {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cad::synthetic::toy_car;
     use crate::cad::sample_outside;
+    use crate::cad::synthetic::toy_car;
     use crate::geometry::mirror;
 
     fn toys() -> Vec<Vec<f64>> {

@@ -1,8 +1,8 @@
 // A residual of one point of the shape prior as a cost function for the host's own ceres::Problem.
 //
 // Autodiff goes over the few numbers that matter, the point in each camera and the intrinsics, and over each
-// pose by itself; the chain rule carries on to the style, of which there are dozens. That is many times as fast
-// as autodiff over all parameters, with the same Jacobian.
+// pose by itself; the chain rule carries on to the style, of which there are dozens. That is many times as
+// fast as autodiff over all parameters, with the same Jacobian.
 //
 // Parameter blocks, in this order:
 //   1. the pose of each view (Layout's blocks; photometric residuals have two views);
@@ -14,8 +14,8 @@
 // kInObject: the poses are camera_from_object, translations in object diagonals; alpha is object diagonals a
 // unit of the off-the-shelf reconstruction, and only inverse depths depend on it.
 // kInWorld: the poses are the host's own camera_from_world; the object lies in the world by the similarity
-// x_world = exp(log_scale) R x_object + t, and alpha is exp(-log_scale). Then all poses and the similarity may
-// be free only where other residuals hold the world: else seven directions change nothing, so hold the
+// x_world = exp(log_scale) R x_object + t, and alpha is exp(-log_scale). Then all poses and the similarity
+// may be free only where other residuals hold the world: else seven directions change nothing, so hold the
 // similarity, or two poses.
 #ifndef SPBA_FUNCTORS_OBJECT_COST_H_
 #define SPBA_FUNCTORS_OBJECT_COST_H_
@@ -46,8 +46,8 @@ class ObjectCost final : public ceres::CostFunction {
  public:
   static constexpr int kViews = Residual::kViews, kResiduals = Residual::kResiduals;
 
-  // Borrows the shape, and the index of its point, which may change between evaluations. `cameras`: one a view;
-  // where intrinsics are blocks, those count instead.
+  // Borrows the shape, and the index of its point, which may change between evaluations. `cameras`: one a
+  // view; where intrinsics are blocks, those count instead.
   ObjectCost(const LinearShape& shape, const std::uint32_t* point, const std::array<Pinhole, kViews>& cameras,
              const Residual& residual)
       : shape_(shape), point_(point), own_point_(0), cameras_(cameras), residual_(residual) {
@@ -143,7 +143,8 @@ class ObjectCost final : public ceres::CostFunction {
     const Pinhole& camera = cameras_[static_cast<std::size_t>(view)];
     const double fixed[4] = {camera.fx, camera.fy, camera.cx, camera.cy};
     const int block = kIntrinsics == Intrinsics::kEach ? view : 0;
-    const double* const values = kIntrinsics == Intrinsics::kFixed ? fixed : parameters[kIntrinsicsBlock + block];
+    const double* const values =
+        kIntrinsics == Intrinsics::kFixed ? fixed : parameters[kIntrinsicsBlock + block];
     for (int i = 0; i < 4; ++i) intrinsics[i] = T(values[i]);
   }
 
@@ -213,9 +214,10 @@ class ObjectCost final : public ceres::CostFunction {
       common += of_view.template rightCols<kCommon>();
     }
     if constexpr (kWorld) Write(common.template leftCols<kPose>(), jacobians + kViews * Layout::kBlocks);
-    if (jacobians[kScaleBlock] != nullptr) {
-      Eigen::Map<Eigen::Matrix<double, kResiduals, 1>>(jacobians[kScaleBlock]) =
-          common.col(kCommon - 4) + by_inputs.col(3 * kViews) * alpha_by_scale;
+    if (double* const by_scale = jacobians[kScaleBlock]; by_scale != nullptr) {
+      for (int r = 0; r < kResiduals; ++r) {
+        by_scale[r] = common(r, kCommon - 4) + by_inputs(r, 3 * kViews) * alpha_by_scale;
+      }
     }
     if (jacobians[kStyleBlock] != nullptr) {
       Eigen::Map<Eigen::Matrix<double, kResiduals, Eigen::Dynamic, Eigen::RowMajor>>(
@@ -225,8 +227,8 @@ class ObjectCost final : public ceres::CostFunction {
     for (int block = 0; block < kIntrinsicsBlocks; ++block) {
       double* const jacobian = jacobians[kIntrinsicsBlock + block];
       if (jacobian == nullptr) continue;
-      Eigen::Map<ByRows<4>>(jacobian, kResiduals, 4) =
-          by_inputs.template middleCols<4>(3 * kViews + 1 + 4 * block);
+      Eigen::Map<ByRows<4>> by_intrinsics(jacobian);
+      by_intrinsics = by_inputs.template middleCols<4>(3 * kViews + 1 + 4 * block);
     }
   }
 
@@ -237,9 +239,8 @@ class ObjectCost final : public ceres::CostFunction {
     for (int i = 0; i < Layout::kBlocks; ++i) {
       const int size = Layout::kSizes[static_cast<std::size_t>(i)];
       if (jacobians[i] != nullptr) {
-        Eigen::Map<Eigen::Matrix<double, kResiduals, Eigen::Dynamic, Eigen::RowMajor>>(jacobians[i], kResiduals,
-                                                                                      size) =
-            columns.middleCols(at, size);
+        Eigen::Map<Eigen::Matrix<double, kResiduals, Eigen::Dynamic, Eigen::RowMajor>>(
+            jacobians[i], kResiduals, size) = columns.middleCols(at, size);
       }
       at += size;
     }

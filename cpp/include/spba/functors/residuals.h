@@ -57,8 +57,8 @@ struct PhotometricResidual {
   }
 };
 
-// Eq. 5: residual[1] = max(0, distance to a silhouette's pixel - tolerance), in pixels (silhouette.h says why).
-// Borrows the pixel, so that who finds correspondences may change it between evaluations.
+// Eq. 5: residual[1] = max(0, distance to a silhouette's pixel - tolerance), in pixels (silhouette.h says
+// why). Borrows the pixel, so that who finds correspondences may change it between evaluations.
 struct SilhouetteResidual {
   static constexpr int kViews = 1, kResiduals = 1;
   const double* pixel;
@@ -77,8 +77,8 @@ struct SilhouetteResidual {
   }
 };
 
-// Eq. 6: residual[1] = d' + slope (u - pixel) - alpha / z, in inverse units of the off-the-shelf reconstruction
-// (inverse_depth.h says why there is a slope).
+// Eq. 6: residual[1] = d' + slope (u - pixel) - alpha / z, in inverse units of the off-the-shelf
+// reconstruction (inverse_depth.h says why there is a slope).
 struct InverseDepthResidual {
   static constexpr int kViews = 1, kResiduals = 1;
   double pixel[2];

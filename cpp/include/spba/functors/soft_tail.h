@@ -15,8 +15,9 @@ namespace spba {
 inline namespace v0 {
 namespace functors {
 
-// Changes what `inner` gives beyond `width`; its loss must be a SoftTailLoss of the same width around the robust
-// loss of that width. Value and gradient of the objective stay what they are with the robust loss alone.
+// Changes what `inner` gives beyond `width`; its loss must be a SoftTailLoss of the same width around the
+// robust loss of that width. Value and gradient of the objective stay what they are with the robust loss
+// alone.
 template <int kResiduals>
 class SoftTail final : public ceres::CostFunction {
  public:
