@@ -175,6 +175,33 @@ fn the_library_is_small_and_links_neither_opencv_nor_the_command_line() {
     }
 }
 
+/// When configuring, both this library and who uses its functors.
+#[test]
+fn another_ceres_is_refused() {
+    let fake = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(fake.path().join(name), text).unwrap();
+    write("CeresConfig.cmake", "");
+    write(
+        "CeresConfigVersion.cmake",
+        "set(PACKAGE_VERSION 2.3.0)\nset(PACKAGE_VERSION_COMPATIBLE TRUE)\n",
+    );
+    for source in [Path::new(ROOT).join("cpp"), prefix().join("share/spba/samples")] {
+        let output = Command::new("cmake")
+            .arg("-S")
+            .arg(&source)
+            .arg("-B")
+            .arg(fake.path().join("build"))
+            .arg(format!("-DCeres_DIR={}", fake.path().display()))
+            .arg(format!("-DCMAKE_PREFIX_PATH={}", prefix().display()))
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success(), "{}", source.display());
+        assert!(told.contains("2.3.0 found"), "{told}");
+        fs::remove_dir_all(fake.path().join("build")).unwrap();
+    }
+}
+
 #[test]
 fn priors_are_installed_as_files_with_their_licences() {
     let folder = prefix().join("share/spba/priors");
@@ -230,6 +257,41 @@ fn functors_of_all_layouts_agree_and_have_the_derivatives_of_their_values() {
         &arguments,
         &["-lceres", "-lglog"],
     )));
+}
+
+/// Every snippet of docs/cpp.md, in its order, as one file a language.
+#[test]
+fn the_snippets_of_the_manual_compile() {
+    let manual = fs::read_to_string(Path::new(ROOT).join("docs/cpp.md")).unwrap();
+    for (language, compiler, ending, arguments) in [
+        (
+            "cpp",
+            "c++",
+            "cc",
+            ["-std=c++17", "-isystem", "/usr/include/eigen3"],
+        ),
+        ("c", "cc", "c", ["-std=c11", "-O1", "-fPIC"]),
+    ] {
+        let opening = format!("```{language}\n");
+        let snippets = manual.split(opening.as_str()).skip(1);
+        let snippets: Vec<&str> = snippets.map(|rest| rest.split("```").next().unwrap()).collect();
+        assert!(!snippets.is_empty(), "{language}");
+        let source = prefix().with_file_name(format!("manual.{ending}"));
+        let headers = match language {
+            "cpp" => "#include <cstdio>\n",
+            _ => "",
+        };
+        fs::write(&source, headers.to_owned() + &snippets.concat()).unwrap();
+        succeed(
+            Command::new(compiler)
+                .args(arguments)
+                .args(WARNINGS)
+                .arg("-c")
+                .arg(&source)
+                .args(flags().iter().filter(|flag| flag.starts_with("-I")))
+                .args(["-o", "/dev/null"]),
+        );
+    }
 }
 
 /// The sequence with rotations as those of their quaternions, and these, so that files with either hold the same bits.
@@ -301,6 +363,29 @@ fn close(found: &[f64], expected: &[f64], what: &str) {
     }
 }
 
+/// The bundled car, and the folder in `home` that holds it as the samples read it.
+fn car(home: &Path) -> (Sequence, PathBuf) {
+    let bundled = Path::new(ROOT).join("data/sequences/car");
+    let read = sequence::load(&bundled, &LoadOptions::default()).unwrap();
+    let (sequence, quaternions) = with_quaternions(read);
+    let frames = home.join("frames");
+    write_frames(&sequence, &quaternions, &frames);
+    (sequence, frames)
+}
+
+#[test]
+fn a_solve_ends_soon_once_its_observer_says_stop() {
+    let home = tempfile::tempdir().unwrap();
+    let (_, frames) = car(home.path());
+    let source = Path::new(ROOT).join("cpp/tests/installed/stop.cc");
+    let told = succeed(
+        Command::new(compiled("c++", &source, &["-std=c++17", "-O2"], &[]))
+            .arg(&frames)
+            .arg(prefix().join("share/spba/priors/car.safetensors")),
+    );
+    assert_eq!(told.lines().count(), 6, "{told}");
+}
+
 /// How the object lies in the world of the input's poses, as the truth of one frame says: scale, rotation, translation.
 fn world_from_object(sequence: &Sequence, frame: usize, camera_from_object: &Pose) -> Similarity {
     let truth = sequence.truth.as_ref().unwrap();
@@ -341,11 +426,7 @@ fn errors(found: &[Pose], truth: &[Pose]) -> [f64; 2] {
 #[test]
 fn a_problem_of_the_hosts_own_finds_the_car() {
     let home = tempfile::tempdir().unwrap();
-    let car = Path::new(ROOT).join("data/sequences/car");
-    let read = sequence::load(&car, &LoadOptions::default()).unwrap();
-    let (sequence, quaternions) = with_quaternions(read);
-    let frames = home.path().join("frames");
-    write_frames(&sequence, &quaternions, &frames);
+    let (sequence, frames) = car(home.path());
     let truth = &sequence.truth.as_ref().unwrap().camera_from_object;
     let middle = sequence.frames.len() / 2;
     let axis = Vector3::new(0.5, 0.7, -0.5).normalize() * 2.7f64.to_radians();
@@ -385,16 +466,9 @@ fn a_problem_of_the_hosts_own_finds_the_car() {
 #[test]
 fn from_memory_comes_what_the_command_line_finds() {
     let home = tempfile::tempdir().unwrap();
-    let car = Path::new(ROOT).join("data/sequences/car");
-    let read = sequence::load(&car, &LoadOptions::default()).unwrap();
-    let (sequence, quaternions) = with_quaternions(read);
-    let (input, out, frames) = (
-        home.path().join("input"),
-        home.path().join("out"),
-        home.path().join("frames"),
-    );
+    let (sequence, frames) = car(home.path());
+    let (input, out) = (home.path().join("input"), home.path().join("out"));
     sequence::write(&sequence, &input).unwrap();
-    write_frames(&sequence, &quaternions, &frames);
     // Half the default effort: what is compared is the way, not how good it is.
     let keys = "[init.hypotheses]\ncount = 2\n[objective]\npoints = 2048\n[solver]\nlevels = 2\n";
     let options = home.path().join("options.toml");

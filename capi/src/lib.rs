@@ -5,8 +5,8 @@
 
 mod abi;
 mod correspondences;
-mod fault;
-mod frames;
-mod log;
-mod solve;
-mod watch;
+pub mod fault;
+pub mod frames;
+pub mod log;
+pub mod solve;
+pub mod watch;
