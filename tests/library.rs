@@ -462,6 +462,85 @@ fn a_problem_of_the_hosts_own_finds_the_car() {
     assert!(degrees <= 1.2 && share <= 0.02, "{degrees}° {share}");
 }
 
+/// The bundled car as a COLMAP model: what comes back has the object where the truth has it, in every camera.
+#[test]
+fn a_colmap_model_is_refined_and_written_back() {
+    let home = tempfile::tempdir().unwrap();
+    let (sequence, frames) = car(home.path());
+    let (model, out) = (home.path().join("model"), home.path().join("out"));
+    let (pictures, masks) = (home.path().join("pictures"), home.path().join("masks"));
+    [&model, &out, &pictures, &masks]
+        .iter()
+        .for_each(|folder| fs::create_dir(folder).unwrap());
+    let list = fs::read_to_string(frames.join("frames.txt")).unwrap();
+    let (mut cameras, mut images) = (String::new(), "# comment\n".to_owned());
+    for (id, (line, frame)) in list.lines().zip(&sequence.frames).enumerate() {
+        let fields: Vec<&str> = line.split(' ').collect();
+        let (width, height) = frame.image.size();
+        writeln!(
+            cameras,
+            "{id} PINHOLE {width} {height} {}",
+            fields[1..5].join(" ")
+        )
+        .unwrap();
+        writeln!(
+            images,
+            "{id} {} {id} {}.ppm\n12.5 7.25 -1",
+            fields[5..].join(" "),
+            frame.name
+        )
+        .unwrap();
+        let copy = |from: String, to: PathBuf| fs::copy(frames.join(from), to).unwrap();
+        copy(
+            format!("{}.ppm", frame.name),
+            pictures.join(format!("{}.ppm", frame.name)),
+        );
+        copy(
+            format!("{}_mask.pgm", frame.name),
+            masks.join(format!("{}.pgm", frame.name)),
+        );
+    }
+    fs::write(model.join("cameras.txt"), &cameras).unwrap();
+    fs::write(model.join("images.txt"), &images).unwrap();
+    fs::write(model.join("points3D.txt"), "").unwrap();
+    succeed(
+        Command::new(samples().join("colmap_refine"))
+            .args([&model, &pictures, &masks])
+            .arg(prefix().join("share/spba/priors/car.safetensors"))
+            .arg(&out),
+    );
+
+    assert_eq!(fs::read_to_string(out.join("cameras.txt")).unwrap(), cameras);
+    assert!(out.join("points3D.txt").exists());
+    let pose = |x: &[f64]| Pose {
+        rotation: UnitQuaternion::new_normalize(Quaternion::new(x[0], x[1], x[2], x[3])).to_rotation_matrix(),
+        translation: Vector3::new(x[4], x[5], x[6]),
+    };
+    let floats = |words: &str| -> Vec<f64> { words.split(' ').map(|x| x.parse().unwrap()).collect() };
+    let object = fs::read_to_string(out.join("object.txt")).unwrap();
+    let object = floats(object.lines().nth(1).unwrap());
+    let (scale, rigid) = (object[0], pose(&object[1..]));
+    let written = fs::read_to_string(out.join("images.txt")).unwrap();
+    let lines: Vec<&str> = written.lines().filter(|line| !line.starts_with('#')).collect();
+    assert_eq!(lines.len(), 2 * sequence.frames.len());
+    let found: Vec<Pose> = lines
+        .chunks_exact(2)
+        .map(|image| {
+            assert_eq!(image[1], "12.5 7.25 -1");
+            let numbers: Vec<&str> = image[0].split(' ').collect();
+            let cam_from_world = pose(&floats(&numbers[1..8].join(" ")));
+            // x_cam scale = R (R_ow⁻¹ (x_object − t_ow)) + scale t.
+            let rotation = cam_from_world.rotation * rigid.rotation.inverse();
+            Pose {
+                rotation,
+                translation: scale * cam_from_world.translation - rotation * rigid.translation,
+            }
+        })
+        .collect();
+    let [degrees, share] = errors(&found, &sequence.truth.as_ref().unwrap().camera_from_object);
+    assert!(degrees <= 2.0 && share <= 0.03, "{degrees}° {share}");
+}
+
 /// Of the bundled car: what the command line finds in files is what the library finds in memory, with another number of threads.
 #[test]
 fn from_memory_comes_what_the_command_line_finds() {
