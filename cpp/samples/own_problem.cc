@@ -21,7 +21,8 @@ using Blocks = spba::functors::ObjectBlocks<Layout>;
 constexpr int kThreads = 2;
 // Fewer points and pixels than the solver's own: the residuals are blocks of their own here.
 constexpr char kOptions[] =
-    "[objective]\npoints = 2048\nsilhouette_points = 1024\nsilhouette_pixels = 1000\n";
+    "[objective]\npoints = 2048\nsilhouette_points = 1024\nsilhouette_pixels = 1000\n"
+    "silhouette_targets = 8192\n";
 
 struct State {
   std::vector<std::array<double, 7>> camera_from_world;

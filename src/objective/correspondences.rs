@@ -1,6 +1,7 @@
 //! The residuals of Eq. 4 to 6 one by one, each with its weight: for hosts that build a problem of their own.
 
 use super::matcher::Matcher;
+use super::options::limit;
 use super::{Footage, ObjectiveError, ObjectiveOptions, terms};
 use crate::bridge::ceres::ffi;
 use crate::geometry::Vector3;
@@ -55,6 +56,8 @@ pub struct Correspondences {
     terms: ffi::Terms,
     /// One a frame.
     lookups: Vec<NearestPixel>,
+    /// Of the prior: the first so many are named.
+    point_count: usize,
     /// As if the points agreed on nothing.
     point_weight: Vec<f64>,
     compared: Vec<ComparedPoint>,
@@ -86,6 +89,8 @@ impl Correspondences {
         let footage = Footage::new(&sequence, 1)?;
         let matcher = Matcher::new(&footage, prior, options, target, start.alpha, threads);
         let terms = terms(&sequence, &matcher.options, target, start.alpha);
+        let targets = limit(options.silhouette_targets, matcher.prior.point_count());
+        let point_count = matcher.options.points.max(targets);
         let lookups = sequence.frames.iter().map(|frame| {
             NearestPixel::new(&frame.mask).ok_or_else(|| ObjectiveError::EmptyMask(frame.name.clone()))
         });
@@ -112,6 +117,7 @@ impl Correspondences {
                 .map(|share| scale * share.point_weight)
                 .collect(),
             lookups,
+            point_count,
             terms,
             matcher,
             sequence,
@@ -169,7 +175,8 @@ impl Correspondences {
     /// As [`Correspondences::update`].
     pub fn rematch(&mut self, estimate: &Estimate) -> Result<(), ObjectiveError> {
         self.check(estimate)?;
-        let points = self.matcher.points(&estimate.style);
+        let mut points = vec![0.0; 3 * self.point_count];
+        self.matcher.prior.points(&estimate.style, &mut points);
         for (l, matches) in self.silhouettes.iter_mut().enumerate() {
             let frame = &self.sequence.frames[l];
             let (camera, pose) = (estimate.camera(&frame.camera), &estimate.camera_from_object[l]);
@@ -212,9 +219,9 @@ impl Correspondences {
         Ok(())
     }
 
-    /// How many of the prior's points are in use: the first so many.
+    /// How many of the prior's points may be named: the first so many.
     pub fn point_count(&self) -> usize {
-        self.matcher.options.points
+        self.point_count
     }
 
     /// S.

@@ -17,7 +17,7 @@ pub(super) struct Matcher {
     /// One per frame.
     depths: Arc<[KnownDepths]>,
     outside_px: Arc<[Grid<u8>]>,
-    prior: Arc<dyn ShapePrior>,
+    pub prior: Arc<dyn ShapePrior>,
     /// Of the points that are looked at, in the prior's mean shape.
     pub neighbourhoods: Neighbourhoods,
     /// With the number of points in use, and what the sequence says of itself.

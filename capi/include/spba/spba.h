@@ -255,7 +255,7 @@ typedef struct spba_silhouette_matches {
 
 typedef struct spba_weights {
   uint32_t struct_size;
-  uint32_t point_count;        /* of the prior that are in use: the first so many */
+  uint32_t point_count;        /* of the prior that may be named: the first so many */
   double photometric_huber;    /* colour levels */
   double silhouette_cauchy;    /* pixels; 0: squares */
   double silhouette_tolerance; /* pixels */
