@@ -538,7 +538,8 @@ fn a_colmap_model_is_refined_and_written_back() {
         })
         .collect();
     let [degrees, share] = errors(&found, &sequence.truth.as_ref().unwrap().camera_from_object);
-    assert!(degrees <= 2.0 && share <= 0.03, "{degrees}° {share}");
+    // Without depth, silhouettes and colours leave a turn of the shape open that depth does not.
+    assert!(degrees <= 4.0 && share <= 0.03, "{degrees}° {share}");
 }
 
 /// Of the bundled car: what the command line finds in files is what the library finds in memory, with another number of threads.
