@@ -11,6 +11,9 @@ use spba_ceres::prior::{LearnedPrior, LinearPrior, ShapePrior, check_unit, load}
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Points, and their derivative by the style.
+type Evaluated<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+
 /// A shape prior: a style of `style_count` numbers, standard normal, gives `point_count` points in the object frame.
 #[pyclass(frozen)]
 pub struct Prior(pub Arc<LearnedPrior>);
@@ -61,7 +64,7 @@ impl Prior {
         py: Python<'py>,
         style: PyReadonlyArrayDyn<'_, f64>,
         point_count: usize,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+    ) -> PyResult<Evaluated<'py>> {
         let (style, styles) = (numbers(&style), self.0.style_len());
         if style.len() != styles || point_count > self.0.point_count() {
             return Err(PyValueError::new_err(format!(
