@@ -91,13 +91,15 @@ class ObjectCost final : public ceres::CostFunction {
   static constexpr int kScaleBlock = (kViews + (kWorld ? 1 : 0)) * Layout::kBlocks;
   static constexpr int kStyleBlock = kScaleBlock + 1;
   static constexpr int kIntrinsicsBlock = kStyleBlock + 1;
-  // Of a view: its pose, world_from_object where there is one, the scale, and the point.
-  static constexpr int kPlaced = kPose * (kWorld ? 2 : 1) + 1;
-  static constexpr int kViewInputs = kPlaced + 3;
+  // What all views share: world_from_object where there is one, the scale, and the point.
+  static constexpr int kCommon = (kWorld ? kPose : 0) + 1 + 3;
+  // Of a view: its pose, and what all share.
+  static constexpr int kViewInputs = kPose + kCommon;
   // Of the residual: the point in each view, alpha, and the intrinsics.
   static constexpr int kResidualInputs = 3 * kViews + 1 + 4 * kIntrinsicsBlocks;
-  using ViewJet = ceres::Jet<double, kViewInputs>;
   using ResidualJet = ceres::Jet<double, kResidualInputs>;
+  using ByCommon = Eigen::Matrix<double, 3, kCommon, Eigen::RowMajor>;
+  using ByView = Eigen::Matrix<double, 3, kViewInputs, Eigen::RowMajor>;
   template <int kColumns>
   using ByRows = Eigen::Matrix<double, kResiduals, kColumns,
                                (kColumns == 1 && kResiduals > 1) ? Eigen::ColMajor : Eigen::RowMajor>;
@@ -150,19 +152,17 @@ class ObjectCost final : public ceres::CostFunction {
 
   bool Differentiate(double const* const* parameters, std::uint32_t j, const Eigen::Vector3d& point,
                      double* residuals, double** jacobians) const {
-    // Each view by itself.
-    Eigen::Matrix<double, 3, kViewInputs, Eigen::RowMajor> by_view[kViews];
-    double alpha_by_scale = 0.0;
+    // From the object to where the views' poses take over, once; then each view by itself.
+    Eigen::Vector3d before_views;
+    const ByCommon by_common = PlaceObject(parameters, point, &before_views);
+    const double alpha = std::exp(kWorld ? -parameters[kScaleBlock][0] : parameters[kScaleBlock][0]);
+    ByView by_view[kViews];
     SeenPoint<ResidualJet> seen[kViews];
     for (int view = 0; view < kViews; ++view) {
-      ViewJet in_camera[3], alpha;
-      PlaceJets(parameters, view, point, in_camera, &alpha);
-      for (int i = 0; i < 3; ++i) {
-        by_view[view].row(i) = in_camera[i].v.transpose();
-        seen[view].in_camera[i] = ResidualJet(in_camera[i].a, 3 * view + i);
-      }
-      alpha_by_scale = alpha.v[kPlaced - 1];
-      seen[view].alpha = ResidualJet(alpha.a, 3 * kViews);
+      Eigen::Vector3d in_camera;
+      by_view[view] = See(parameters, view, before_views, by_common, alpha, &in_camera);
+      for (int i = 0; i < 3; ++i) seen[view].in_camera[i] = ResidualJet(in_camera[i], 3 * view + i);
+      seen[view].alpha = ResidualJet(alpha, 3 * kViews);
       ReadIntrinsics(parameters, view, seen[view].intrinsics);
       if constexpr (kIntrinsicsBlocks > 0) {
         const int block = kIntrinsics == Intrinsics::kEach ? view : 0;
@@ -176,37 +176,73 @@ class ObjectCost final : public ceres::CostFunction {
       residuals[r] = outputs[r].a;
       by_inputs.row(r) = outputs[r].v.transpose();
     }
-    ChainRule(j, by_inputs, by_view, alpha_by_scale, jacobians);
+    ChainRule(j, by_inputs, by_view, kWorld ? -alpha : alpha, jacobians);
     return true;
   }
 
-  void PlaceJets(double const* const* parameters, int view, const Eigen::Vector3d& point, ViewJet* in_camera,
-                 ViewJet* alpha) const {
-    ViewJet pose[kPose], world_from_object[kPose], scale(parameters[kScaleBlock][0], kPlaced - 1);
-    Blocks<ViewJet> blocks;
-    const auto fill = [&](int first, int input, ViewJet* jets,
-                          std::array<const ViewJet*, static_cast<std::size_t>(Layout::kBlocks)>* to) {
-      int at = 0;
-      for (int i = 0; i < Layout::kBlocks; ++i) {
-        (*to)[static_cast<std::size_t>(i)] = jets + at;
-        for (int k = 0; k < Layout::kSizes[static_cast<std::size_t>(i)]; ++k, ++at) {
-          jets[at] = ViewJet(parameters[first + i][k], input + at);
-        }
+  // A pose's blocks as jets of the inputs 0, 1 ...
+  template <typename Jet>
+  static std::array<const Jet*, static_cast<std::size_t>(Layout::kBlocks)> PoseJets(
+      double const* const* blocks, Jet* jets) {
+    std::array<const Jet*, static_cast<std::size_t>(Layout::kBlocks)> pose;
+    int at = 0;
+    for (int i = 0; i < Layout::kBlocks; ++i) {
+      pose[static_cast<std::size_t>(i)] = jets + at;
+      for (int k = 0; k < Layout::kSizes[static_cast<std::size_t>(i)]; ++k, ++at) {
+        jets[at] = Jet(blocks[i][k], at);
       }
-    };
-    fill(view * Layout::kBlocks, 0, pose, &blocks.pose);
-    if constexpr (kWorld) fill(kViews * Layout::kBlocks, kPose, world_from_object, &blocks.world_from_object);
-    blocks.scale = &scale;
-    const ViewJet x[3] = {ViewJet(point[0], kPlaced), ViewJet(point[1], kPlaced + 1),
-                          ViewJet(point[2], kPlaced + 2)};
-    Place(blocks, x, in_camera, alpha);
+    }
+    return pose;
   }
 
-  void ChainRule(std::uint32_t j, const ByRows<kResidualInputs>& by_inputs,
-                 const Eigen::Matrix<double, 3, kViewInputs, Eigen::RowMajor>* by_view, double alpha_by_scale,
-                 double** jacobians) const {
-    // Of what all views share: world_from_object, the scale, and the point.
-    constexpr int kCommon = kViewInputs - kPose;
+  // The point before the views' poses, in the world or the object, and its derivative.
+  static ByCommon PlaceObject(double const* const* parameters, const Eigen::Vector3d& point,
+                              Eigen::Vector3d* placed) {
+    ByCommon by_common = ByCommon::Zero();
+    if constexpr (kWorld) {
+      using Jet = ceres::Jet<double, kCommon>;
+      Jet pose[kPose], in_world[3];
+      const auto blocks = PoseJets(parameters + kViews * Layout::kBlocks, pose);
+      const Jet scale = exp(Jet(parameters[kScaleBlock][0], kPose));
+      const Jet scaled[3] = {scale * Jet(point[0], kPose + 1), scale * Jet(point[1], kPose + 2),
+                             scale * Jet(point[2], kPose + 3)};
+      Layout::Apply(blocks.data(), scaled, in_world);
+      for (int i = 0; i < 3; ++i) {
+        (*placed)[i] = in_world[i].a;
+        by_common.row(i) = in_world[i].v.transpose();
+      }
+    } else {
+      *placed = point;
+      by_common.template rightCols<3>().setIdentity();
+    }
+    return by_common;
+  }
+
+  // The point in a view's camera, in object diagonals, and its derivative by the view's pose and what is
+  // common.
+  static ByView See(double const* const* parameters, int view, const Eigen::Vector3d& before,
+                    const ByCommon& by_common, double alpha, Eigen::Vector3d* in_camera) {
+    using Jet = ceres::Jet<double, kPose + 3>;
+    Jet pose[kPose], moved[3];
+    const auto blocks = PoseJets(parameters + view * Layout::kBlocks, pose);
+    const Jet x[3] = {Jet(before[0], kPose), Jet(before[1], kPose + 1), Jet(before[2], kPose + 2)};
+    Layout::Apply(blocks.data(), x, moved);
+    const double factor = kWorld ? alpha : 1.0;
+    Eigen::Matrix<double, 3, kPose + 3, Eigen::RowMajor> by_inputs;
+    for (int i = 0; i < 3; ++i) {
+      (*in_camera)[i] = factor * moved[i].a;
+      by_inputs.row(i) = factor * moved[i].v.transpose();
+    }
+    ByView by_view;
+    by_view.template leftCols<kPose>() = by_inputs.template leftCols<kPose>();
+    by_view.template rightCols<kCommon>() = by_inputs.template rightCols<3>() * by_common;
+    // The unit grows with the scale.
+    if (kWorld) by_view.col(kViewInputs - 4) -= *in_camera;
+    return by_view;
+  }
+
+  void ChainRule(std::uint32_t j, const ByRows<kResidualInputs>& by_inputs, const ByView* by_view,
+                 double alpha_by_scale, double** jacobians) const {
     ByRows<kCommon> common = ByRows<kCommon>::Zero();
     for (int view = 0; view < kViews; ++view) {
       const ByRows<kViewInputs> of_view = by_inputs.template middleCols<3>(3 * view) * by_view[view];
