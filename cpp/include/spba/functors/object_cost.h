@@ -1,8 +1,9 @@
 // A residual of one point of the shape prior as a cost function for the host's own ceres::Problem.
 //
 // Autodiff goes over the few numbers that matter, the point in each camera and the intrinsics, and over each
-// pose by itself; the chain rule carries on to the style, of which there are dozens. That is many times as
-// fast as autodiff over all parameters, with the same Jacobian.
+// pose by itself; the chain rule carries on to the style, of which there are dozens. With 32
+// styles a photometric residual takes a seventh (kInObject) or a fifth (kInWorld) of the time of autodiff
+// over all parameters, with the same Jacobian.
 //
 // Parameter blocks, in this order:
 //   1. the pose of each view (Layout's blocks; photometric residuals have two views);
