@@ -1,12 +1,12 @@
 //! The solver's correspondences for a problem of the host's own.
 
-use crate::fault::Fault;
-use crate::frames::{CPose, Frames};
-use crate::solve::thread_count;
 use spba_ceres::config::Config;
 use spba_ceres::init::Estimate;
 use spba_ceres::objective::{self, ComparedPoint, KnownInverseDepth};
 use spba_ceres::prior::{LearnedPrior, ShapePrior};
+use spba_host::fault::Fault;
+use spba_host::frames::{CPose, Frames};
+use spba_host::solve::thread_count;
 use std::sync::Arc;
 
 /// What may be an α.

@@ -3,7 +3,7 @@
 use numpy::{Element, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use spba::frames::{Format, Raster};
+use spba_host::frames::{Format, Raster};
 
 /// An array that a raster borrows.
 pub enum Pixels<'py> {

@@ -6,7 +6,7 @@ mod sequence;
 mod solve;
 
 use pyo3::prelude::*;
-use spba::fault::Fault;
+use spba_host::fault::Fault;
 
 pyo3::create_exception!(
     spba,

@@ -6,8 +6,8 @@ use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use spba::fault::Fault;
 use spba_ceres::prior::{LearnedPrior, LinearPrior, ShapePrior, check_unit, load};
+use spba_host::fault::Fault;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

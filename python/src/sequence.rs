@@ -3,8 +3,8 @@
 use crate::arrays::Pixels;
 use crate::raised;
 use pyo3::prelude::*;
-use spba::frames::{CPose, Frames, Given};
 use spba_ceres::geometry::Pinhole;
+use spba_host::frames::{CPose, Frames, Given};
 
 /// A pose as Python has it: quaternion (real part first) and translation.
 pub type Pose = ([f64; 4], [f64; 3]);

@@ -8,12 +8,12 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use spba::frames::CPose;
-use spba::log::Severity;
-use spba::solve::{self as core, Solved};
-use spba::watch::{LogSink, Observer, Progress};
 use spba_ceres::config::Config;
 use spba_ceres::solver::Termination;
+use spba_host::frames::CPose;
+use spba_host::log::Severity;
+use spba_host::solve::{self as core, Solved};
+use spba_host::watch::{LogSink, Observer, Progress};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a solve found.

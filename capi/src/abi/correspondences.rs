@@ -3,11 +3,11 @@
 use super::prior::Prior;
 use super::{free, give, guarded, reference, reference_mut, sized, slice};
 use crate::correspondences::{CComparedPoint, CKnownInverseDepth, Correspondences, estimate};
-use crate::fault::Fault;
-use crate::frames::{CPose, Frames};
 use spba_ceres::config::Config;
 use spba_ceres::init::Estimate;
 use spba_ceres::prior::ShapePrior;
+use spba_host::fault::Fault;
+use spba_host::frames::{CPose, Frames};
 
 #[repr(C)]
 struct CSilhouetteMatches {

@@ -11,7 +11,7 @@ mod sequence;
 mod solution;
 mod solve;
 
-use crate::fault::{Code, Fault};
+use spba_host::fault::{Code, Fault};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -1,8 +1,8 @@
 //! Shape priors.
 
 use super::{free, give, guarded, reference, sized, slice, text};
-use crate::fault::Fault;
 use spba_ceres::prior::{LearnedPrior, LinearPrior, ShapePrior, check_unit, load};
+use spba_host::fault::Fault;
 use std::ffi::c_char;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! Frames.
 
 use super::{free, give, guarded, reference_mut, sized, slice, text};
-use crate::fault::Fault;
-use crate::frames::{CPose, Format, Frames, Given, Raster, byte_count};
 use spba_ceres::geometry::Pinhole;
+use spba_host::fault::Fault;
+use spba_host::frames::{CPose, Format, Frames, Given, Raster, byte_count};
 use std::ffi::{c_char, c_void};
 
 #[repr(C)]

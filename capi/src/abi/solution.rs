@@ -1,11 +1,11 @@
 //! What a solve found.
 
 use super::{free, guarded, of_frame, reference, reference_mut, sized};
-use crate::fault::Fault;
-use crate::frames::CPose;
-use crate::solve::Solved;
 use spba_ceres::geometry::Pose;
 use spba_ceres::solver::Termination;
+use spba_host::fault::Fault;
+use spba_host::frames::CPose;
+use spba_host::solve::Solved;
 
 #[repr(C)]
 struct CSummary {

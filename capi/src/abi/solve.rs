@@ -2,11 +2,11 @@
 
 use super::prior::Prior;
 use super::{free, give, guarded, reference, sized, text};
-use crate::frames::Frames;
-use crate::log::Severity;
-use crate::solve::{self, Solved};
-use crate::watch::{LogSink, Observer, Progress};
 use spba_ceres::config::Config;
+use spba_host::frames::Frames;
+use spba_host::log::Severity;
+use spba_host::solve::{self, Solved};
+use spba_host::watch::{LogSink, Observer, Progress};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
