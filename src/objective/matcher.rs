@@ -164,7 +164,7 @@ fn inside_mask(seen: &Seen, frame: &Frame) -> Vec<bool> {
 /// The points of Eq. 4 for one pair of frames, each with how many of the two sums it is in. Of both frames: what each
 /// sees, and which points lie inside its mask. A point outside either mask is left out; so is, if
 /// `covisible`, one that either does not see.
-fn photometric_points(
+pub(super) fn photometric_points(
     visible: [&Seen; 2],
     inside: [&[bool]; 2],
     covisible: bool,

@@ -1,6 +1,8 @@
 //! Terms against sums by hand, and what goes into them.
 
 use super::*;
+use crate::objective::matcher::photometric_points;
+use crate::visibility::{Surfels, Visibility as Seen, visible_points};
 
 /// Eq. 5 by its definition: brute force over all pixels and points.
 #[test]
