@@ -26,6 +26,7 @@ pub struct Config {
     pub init: InitOptions,
     pub objective: ObjectiveOptions,
     pub solver: SolverOptions,
+    pub output: OutputOptions,
 }
 
 impl Default for Config {
@@ -38,6 +39,27 @@ impl Default for Config {
             init: InitOptions::default(),
             objective: ObjectiveOptions::default(),
             solver: SolverOptions::default(),
+            output: OutputOptions::default(),
+        }
+    }
+}
+
+/// What the result says besides what was found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputOptions {
+    /// The object's real length from front to back, metres; none = not known. `mesh.glb` is then in metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+}
+
+impl OutputOptions {
+    /// # Errors
+    /// The key of what is out of range, and why.
+    pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
+        match self.length_m {
+            Some(metres) if !(metres.is_finite() && metres > 0.0) => Err(("length_m", "must be more than 0")),
+            _ => Ok(()),
         }
     }
 }

@@ -44,3 +44,8 @@ pub mod visibility;
 pub use bridge::route_ceres_logs;
 #[cfg(feature = "cad")]
 pub use guard::quiet_guarded_panics;
+
+/// The README, so that its example is compiled with the documentation's.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

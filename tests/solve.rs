@@ -73,7 +73,7 @@ fn priors_that_cannot_be_used() {
         &["other.safetensors"],
     );
     // The version, in the header's JSON inside JSON: same length, another number.
-    let newer = replaced(&bytes, b"\\\"schema\\\":1", b"\\\"schema\\\":9");
+    let newer = replaced(&bytes, b"\\\"schema\\\":2", b"\\\"schema\\\":9");
     std::fs::write(&path, newer).unwrap();
     refused(
         &car(),
@@ -268,7 +268,7 @@ fn a_solve_starts_where_it_is_told() {
     refused(
         &car(),
         &["--prior", "chair", "--init-style", path],
-        &["--init-style", "car linear", "chair linear"],
+        &["--init-style", "car surface", "chair linear"],
     );
     refused(
         &car(),

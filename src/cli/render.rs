@@ -15,7 +15,7 @@ use std::time::Instant;
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["scene", "benchmark", "sheet"])))]
 pub struct Args {
-    /// Scene file (TOML): a model, the camera's path, light, noise; see data/README.md.
+    /// Scene file (TOML): a model, the camera's path, light, noise; see docs/formats.md.
     scene: Option<PathBuf>,
 
     /// Instead of a scene: a list of them (TOML), each to be made with several numbers of frames; those that are there

@@ -65,7 +65,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     target: Option<usize>,
     /// Standard deviation of the given poses, in diagonals of the object: the motion is held to them as closely as that; 0 = they are
-    /// but a start, as in the paper [default: what the sequence says of itself, 0.005 where `prepare` made it, else 0]
+    /// but a start, as in the paper [default: what the sequence says of itself, 0.001 where `prepare` made it, else 0]
     #[arg(long, value_name = "LENGTH")]
     motion_deviation: Option<f64>,
     /// Style to start from: mean, what the bundled regressor or another's .safetensors file sees in the frames, or an earlier result's
@@ -94,6 +94,9 @@ pub struct Args {
     /// Steps of Algorithm 1 per pyramid level [default: 20]
     #[arg(long, value_name = "N")]
     max_steps: Option<usize>,
+    /// The object's real length from front to back: mesh.glb is then in metres [default: unknown, mesh.glb is in diagonals]
+    #[arg(long, value_name = "METRES")]
+    length: Option<f64>,
     /// Threads over hypotheses; the result does not depend on it [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -204,6 +207,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             surface: &surface,
             input: &input.display().to_string(),
             prior: &name_of(&prior_info),
+            length_m: config.output.length_m,
             masks_anew: &masks_anew,
             config: &config.to_toml()?,
             peak_memory_mb: report::peak_memory_mb(),
@@ -399,11 +403,13 @@ fn effective_config(args: &Args) -> anyhow::Result<Config> {
     add_flag(given, "--levels", "solver.levels", &args.levels)?;
     add_flag(given, "--max-steps", "solver.max_steps", &args.max_steps)?;
     add_flag(given, "--threads", "threads", &args.threads)?;
+    add_flag(given, "--length", "output.length_m", &args.length)?;
     let config = Config::layered(args.config.as_deref(), &settings)?;
     // The library looks too, but a video takes minutes to get there.
     let out_of_range = |(key, why)| SolveError::Option(key, why);
     config.objective.check().map_err(out_of_range)?;
     config.solver.check().map_err(out_of_range)?;
+    config.output.check().map_err(out_of_range)?;
     Ok(config)
 }
 

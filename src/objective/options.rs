@@ -41,8 +41,8 @@ pub struct ObjectiveOptions {
     /// object at more than a tenth of its diagonal, and lets the outliers of semi-dense depth pull freely.
     pub inverse_depth_huber: f64,
     /// Weight of −log p(s) = ½‖s‖², of a free form's coordinates, too; 0 leaves it out, as the paper does. Neighbouring pixels err alike, so that
-    /// residuals count for more than they know. With less, shapes from pictures (epfl_04, 10, 16) are less likely and fit no better; with 20 and more, five of
-    /// twenty perturbed starts of the bundled sequence end 3 % too near.
+    /// residuals count for more than they know. With 10, epfl_16's front is taken for its rear; with 30 and more, shapes from pictures (epfl_04, 10, 16)
+    /// fit worse.
     pub style_weight: f64,
     /// Standard deviation, in diagonals, of where the off-the-shelf poses and α (Eq. 13) take the object's points between two
     /// frames of a pair: the motion is held to them as closely as that. None means what the sequence says of itself; 0 holds nothing, as in the
@@ -147,7 +147,7 @@ impl Default for ObjectiveOptions {
             silhouette_size: 116.0,
             inverse_depth_weight: 4e4,
             inverse_depth_huber: 0.003,
-            style_weight: 10.0,
+            style_weight: 20.0,
             motion_deviation: None,
             focal_deviation: None,
             weak_perspective: false,

@@ -159,6 +159,9 @@ pub fn prepare(
             lost.join(", ")
         );
     }
+    if placed < lost.len() {
+        words += ", IN DOUBT: most frames are lost; give pictures that are nearer to each other";
+    }
     stage("motion", words);
 
     let neighbours = depth::neighbours(&motion, options.depth.neighbours);

@@ -30,12 +30,8 @@ const MOST_OFF_CENTRE: f64 = 0.1;
 const MOST_MOVED: f64 = 1.0;
 /// Priors that ship inside the library.
 #[cfg(feature = "bundled-priors")]
-const BUNDLED: [(&str, &[u8]); 4] = [
+const BUNDLED: [(&str, &[u8]); 3] = [
     ("car", include_bytes!("../../data/priors/car.safetensors")),
-    (
-        "car-surface",
-        include_bytes!("../../data/priors/car-surface.safetensors"),
-    ),
     ("chair", include_bytes!("../../data/priors/chair.safetensors")),
     (
         "airplane",

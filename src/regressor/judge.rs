@@ -33,6 +33,11 @@ pub fn judge(
     let points = |style: &[f64]| {
         let mut points = prior.shape(style);
         points.truncate(POINTS);
+        if let Some(canonical) = prior.canonical_from_shape(style, &[]) {
+            points
+                .iter_mut()
+                .for_each(|point| *point = canonical.transform(point));
+        }
         points
     };
     let error = |style: &[f64]| chamfer(&points(style), &shape);

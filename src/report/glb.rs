@@ -25,22 +25,29 @@ const NAME: &str = "object";
 const ROUGHNESS: f32 = 0.9;
 
 /// Writes `mesh` with its texture (sRGB, as frames show it, first row at the top). `frame` says what the coordinates are; it becomes the
-/// asset's extra of that name.
+/// asset's extra of that name. Where the object's size is known, the node scales it to glTF's unit, the metre.
 pub(super) fn write_mesh(
     path: &Path,
     mesh: &UnwrappedMesh,
     colours: &image::RgbImage,
     frame: &str,
+    metres_per_unit: Option<f64>,
 ) -> Result<(), ReportError> {
     let mut png = Cursor::new(Vec::new());
     colours
         .write_to(&mut png, image::ImageFormat::Png)
         .map_err(|error| ReportError::format(path, error))?;
-    let bytes = to_bytes(mesh, png.into_inner(), frame).map_err(|error| ReportError::format(path, error))?;
+    let bytes = to_bytes(mesh, png.into_inner(), frame, metres_per_unit)
+        .map_err(|error| ReportError::format(path, error))?;
     std::fs::write(path, bytes).map_err(ReportError::io(path))
 }
 
-fn to_bytes(mesh: &UnwrappedMesh, png: Vec<u8>, frame: &str) -> Result<Vec<u8>, gltf::Error> {
+fn to_bytes(
+    mesh: &UnwrappedMesh,
+    png: Vec<u8>,
+    frame: &str,
+    metres_per_unit: Option<f64>,
+) -> Result<Vec<u8>, gltf::Error> {
     let corners = Corners::of(mesh);
     let vectors = |of: &[Vector3<f64>]| -> Vec<[f32; 3]> {
         let each = corners.vertices.iter().map(|&v| of[v as usize]);
@@ -66,7 +73,7 @@ fn to_bytes(mesh: &UnwrappedMesh, png: Vec<u8>, frame: &str) -> Result<Vec<u8>, 
         (Semantic::Normals, normal),
         (Semantic::TexCoords(0), at),
     ];
-    parts.finish(attributes, indices, png, frame)
+    parts.finish(attributes, indices, png, (frame, metres_per_unit))
 }
 
 /// Vertices that lie at several places of the texture, once for each.
@@ -195,7 +202,7 @@ impl Parts {
         attributes: [(Semantic, Index<Accessor>); 3],
         indices: Index<Accessor>,
         png: Vec<u8>,
-        frame: &str,
+        (frame, metres_per_unit): (&str, Option<f64>),
     ) -> Result<Vec<u8>, gltf::Error> {
         let texture = self.texture(png);
         let root = &mut self.root;
@@ -247,6 +254,7 @@ impl Parts {
         let node = root.push(Node {
             mesh: Some(mesh),
             name: Some(NAME.to_owned()),
+            scale: metres_per_unit.map(|metres| [metres as f32; 3]),
             ..Node::default()
         });
         let scene = root.push(Scene {
@@ -292,7 +300,7 @@ mod tests {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("mesh.glb");
         let colours = image::RgbImage::from_fn(3, 5, |x, y| image::Rgb([10 * x as u8, y as u8, 255]));
-        write_mesh(&path, &mesh, &colours, "a frame").unwrap();
+        write_mesh(&path, &mesh, &colours, "a frame", Some(4.5)).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes.len() % 4, 0);
         assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());
@@ -300,6 +308,8 @@ mod tests {
         let (document, buffers, images) = gltf::import_slice(&bytes).unwrap();
         assert_eq!((images[0].width, images[0].height), (3, 5));
         assert_eq!(images[0].pixels, colours.into_raw());
+        let node = document.nodes().next().unwrap();
+        assert_eq!(node.transform().decomposed().2, [4.5; 3]);
         let mesh = document.meshes().next().unwrap();
         assert_eq!(mesh.name(), Some("object"));
         let extras = document.as_json().asset.extras.as_ref().unwrap();

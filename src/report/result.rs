@@ -39,6 +39,9 @@ pub struct RunResult {
     pub focal_factor: f64,
     /// `None` where the input brings no poses.
     pub object_from_input: Option<SimilarityRecord>,
+    /// What one object unit is in metres, where the object's real length was given.
+    #[serde(default)]
+    pub metres_per_unit: Option<f64>,
     pub objective: ObjectiveSpan,
     pub silhouette_iou_mean: f64,
     pub density_mean: f64,

@@ -4,7 +4,8 @@ use super::Neighbours;
 use super::facets;
 use crate::geometry::{Pinhole, Pose, Similarity, Vector3, tangent_plane};
 use crate::image::{DepthMap, Grid, Mask};
-use crate::prior::{LearnedPrior, subdivided};
+use crate::init::Estimate;
+use crate::prior::{LearnedPrior, ShapePrior, subdivided};
 use crate::solver::Solution;
 use std::sync::Arc;
 
@@ -147,9 +148,17 @@ impl Surface {
         }
     }
 
-    /// The prior's shape of `style`, as it is: its mesh where it has one, else its points.
-    pub fn of_style(prior: &LearnedPrior, style: &[f64]) -> Self {
-        Self::of_shape(prior, style, &[], None)
+    /// The shape of an estimate in the prior's frame, moved to the object frame, and the estimate moved along.
+    pub fn of_estimate(prior: &LearnedPrior, estimate: &Estimate) -> (Self, Estimate) {
+        let canonical = prior.canonical_from_shape(&estimate.style, &[]);
+        let moved = match &canonical {
+            Some(canonical) => estimate.in_frame(canonical),
+            None => estimate.clone(),
+        };
+        (
+            Self::of_shape(prior, &estimate.style, &[], canonical.as_ref()),
+            moved,
+        )
     }
 
     /// The shape that was found, in the object frame.

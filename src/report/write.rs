@@ -25,6 +25,8 @@ pub struct ReportInput<'a> {
     pub input: &'a str,
     /// The shape prior's name and version.
     pub prior: &'a str,
+    /// The object's real length from front to back, metres, where it is known.
+    pub length_m: Option<f64>,
     /// Names of the frames whose masks were decided anew; these are written as well.
     pub masks_anew: &'a [String],
     /// The effective configuration, TOML.
@@ -108,7 +110,7 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
         &staging.path(),
         input.surface,
         &colours,
-        texture.as_ref(),
+        (texture.as_ref(), metres_per_unit(input)),
         object_from_input,
     )?;
     colmap.write(&staging.folder("colmap")?, input.surface, &colours.rgb)?;
@@ -175,11 +177,18 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
     Ok(poses)
 }
 
+/// What one object unit is in metres, by the shape's extent along z.
+fn metres_per_unit(input: &ReportInput) -> Option<f64> {
+    let along = || input.surface.points().iter().map(|point| point.z);
+    let length = along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min);
+    input.length_m.map(|metres| metres / length)
+}
+
 fn write_shapes(
     folder: &Path,
     surface: &Surface,
     colours: &Colours,
-    texture: Option<&Texture>,
+    (texture, metres_per_unit): (Option<&Texture>, Option<f64>),
     object_from_input: Option<Similarity>,
 ) -> Result<(), ReportError> {
     let origin = format!(
@@ -205,7 +214,8 @@ fn write_shapes(
     if let Some(mesh) = surface.mesh() {
         write("mesh.ply", Some(surface.facets()))?;
         if let Some(texture) = texture {
-            glb::write_mesh(&folder.join("mesh.glb"), mesh, &texture.colours, &frame)?;
+            let path = folder.join("mesh.glb");
+            glb::write_mesh(&path, mesh, &texture.colours, &frame, metres_per_unit)?;
             save_png(&folder.join("mesh_origin.png"), &texture.origin_picture())?;
         }
     }
@@ -269,6 +279,7 @@ fn summarise(
             .then_some(solution.estimate.alpha),
         focal_factor: solution.estimate.focal_factor,
         object_from_input: object_from_input.as_ref().map(SimilarityRecord::from),
+        metres_per_unit: metres_per_unit(input),
         objective: ObjectiveSpan {
             start: solution.objective_start,
             end: solution.objective_end,

@@ -124,6 +124,37 @@ pub fn solve(
         refined.objective_end.total,
         refined.iterations
     );
+    let found = complete(
+        footage,
+        prior,
+        target,
+        refined,
+        objective_options,
+        options,
+        observer,
+    )?;
+    Ok(Solution {
+        hypotheses,
+        trace: short.trace.into_iter().chain(found.trace).collect(),
+        seconds: short.seconds.into_iter().chain(found.seconds).collect(),
+        ..found
+    })
+}
+
+/// What [`refine`] found, bent by the free form where the prior and the options have one, and moved from the prior's frame to the
+/// canonical frame of the shape itself ([`ShapePrior::canonical_from_shape`]).
+///
+/// # Errors
+/// Options out of range, or a failing objective.
+pub fn complete(
+    footage: &Footage,
+    prior: &Arc<dyn ShapePrior>,
+    target: usize,
+    refined: Solution,
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+    observer: &Observer,
+) -> Result<Solution, SolveError> {
     let found = match prior.freed(options.free_form)? {
         Some(freed) if refined.termination != Termination::Interrupted => free(
             footage,
@@ -143,19 +174,13 @@ pub fn solve(
             None => found.estimate,
         },
         canonical_from_shape,
-        hypotheses,
-        trace: short.trace.into_iter().chain(found.trace).collect(),
-        seconds: short.seconds.into_iter().chain(found.seconds).collect(),
         ..found
     })
 }
 
 /// Goes on from `solution` with a prior that has a free form, too ([`ShapePrior::freed`]): poses, style and form move together, at full
 /// resolution. The trace's stage is `free-form`.
-///
-/// # Errors
-/// Options out of range, or a failing objective.
-pub fn free(
+fn free(
     footage: &Footage,
     freed: &Arc<dyn ShapePrior>,
     target: usize,
@@ -395,7 +420,8 @@ fn unrefined(
     })
 }
 
-/// Minimises Eq. 9 from one start, through the pyramid levels of `footage` from the coarsest on, at most `options.levels`.
+/// Minimises Eq. 9 from one start, through the pyramid levels of `footage` from the coarsest on, at most `options.levels`. The solution is
+/// in the prior's frame, without free form; [`complete`] goes on from it.
 ///
 /// # Errors
 /// Options out of range, or a failing objective.

@@ -13,6 +13,7 @@ use crate::eval::{location_error, orientation_error_deg};
 use crate::init::{Estimate, cameras_from_input};
 use crate::objective::Objective;
 use crate::prior::{self, ShapePrior};
+use crate::report::Surface;
 use crate::sequence::Sequence;
 use crate::solver::{self, Evaluation, Interpolation, LinearSolver, Minimiser, Strategy, Termination};
 use serde::{Deserialize, Serialize};
@@ -176,7 +177,8 @@ fn course(
     let mut referee = Objective::new(&footage, prior, objective, target, start, 1).map_err(failed)?;
     let mut judge = |estimate: &Estimate, evaluations, cpu_seconds| {
         let visibility = referee.visibility(estimate, 0)?;
-        let [orientation_error_deg, location_error_percent] = camera_errors(&subject.sequence, estimate);
+        let canonical = Surface::of_estimate(&learned, estimate).1;
+        let [orientation_error_deg, location_error_percent] = camera_errors(&subject.sequence, &canonical);
         Ok(Stage {
             objective: referee.evaluate(estimate, &visibility)?.total,
             evaluations,

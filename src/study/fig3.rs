@@ -34,7 +34,7 @@ pub fn fig3(subject: &Subject, jobs: &Jobs, effort: Effort) -> Result<Fig3, Stud
     let half = if effort == Effort::Quick { 2 } else { 10 };
     let method = Method::ours().with(effort);
     let start = subject.start(jobs, effort)?.short;
-    let optimum = subject.runs(jobs, &[(method.clone(), start)])?.remove(0).estimate;
+    let optimum = subject.runs(jobs, &[(method.clone(), start)])?.remove(0).joint;
     let figures = jobs.run(
         &[()],
         |()| format!("{}/surface", subject.name),

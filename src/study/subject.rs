@@ -36,6 +36,8 @@ pub struct Start {
 /// What a method found on a subject.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
+    /// Before the free form, in the prior's frame.
+    pub joint: Estimate,
     pub estimate: Estimate,
     pub measures: Measures,
     pub objective_start: ObjectiveValue,
@@ -124,25 +126,25 @@ impl Subject {
         let target = config.input.target.unwrap_or(self.sequence.frames.len() / 2);
         let learned = prior::find(&config.prior)?;
         let prior: Arc<dyn ShapePrior> = Arc::new(learned.clone());
-        let solution = solver::refine(
-            &self.footage(config.solver.levels)?,
-            &prior,
-            target,
-            start,
-            &config.objective,
-            &config.solver,
-            observer,
-        )
-        .map_err(|source| StudyError::Solve {
+        let failed = |source| StudyError::Solve {
             name: format!("{}/{}", self.name, method.name),
             source,
-        })?;
+        };
+        let footage = self.footage(config.solver.levels)?;
+        let (objective, solver) = (&config.objective, &config.solver);
+        let refined =
+            solver::refine(&footage, &prior, target, start, objective, solver, observer).map_err(failed)?;
+        let joint = refined.estimate.clone();
+        let solution = solver::complete(&footage, &prior, target, refined, objective, solver, observer)
+            .map_err(failed)?;
         if solution.termination == Termination::Interrupted {
             return Err(StudyError::Interrupted);
         }
+        let surface = Surface::of(&learned, &solution);
         let estimate = solution.estimate;
         Ok(Run {
-            measures: self.measure(&learned, &estimate),
+            measures: Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, &estimate),
+            joint,
             estimate,
             objective_start: solution.objective_start,
             objective_end: solution.objective_end,
@@ -152,7 +154,7 @@ impl Subject {
             cpu_seconds: solution
                 .seconds
                 .iter()
-                .filter(|(stage, _)| stage == "solve_cpu")
+                .filter(|(stage, _)| stage == "solve_cpu" || stage == "free_form_cpu")
                 .map(|(_, seconds)| seconds)
                 .sum(),
         })
@@ -165,10 +167,10 @@ impl Subject {
         })
     }
 
-    /// Measures of an estimate.
+    /// Measures of an estimate in the prior's frame.
     pub fn measure(&self, prior: &LearnedPrior, estimate: &Estimate) -> Measures {
-        let surface = Surface::of_style(prior, &estimate.style);
-        Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, estimate)
+        let (surface, estimate) = Surface::of_estimate(prior, estimate);
+        Measures::of_estimate(&self.sequence, self.platform.as_ref(), &surface, &estimate)
     }
 }
 

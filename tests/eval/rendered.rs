@@ -104,6 +104,7 @@ pub fn write_result_of(
         surface,
         input: input.to_str().unwrap(),
         prior: "none 1",
+        length_m: None,
         masks_anew: &[],
         config,
         peak_memory_mb: None,

@@ -88,7 +88,7 @@ struct Eval {
 /// Draw the mean and each mode at −2σ and +2σ.
 #[derive(clap::Args)]
 struct Show {
-    /// A bundled prior's name (car, car-surface, chair, airplane) or a .safetensors file.
+    /// A bundled prior's name (car, chair, airplane) or a .safetensors file.
     prior: String,
     /// The PNG to write.
     #[arg(long)]

@@ -20,7 +20,7 @@ pub enum NetworkError {
         problem: std::io::Error,
         mend: &'static str,
     },
-    #[error("{}: {problem}; correct it (data/README.md says what it holds)", .file.display())]
+    #[error("{}: {problem}; correct it (docs/formats.md says what it holds)", .file.display())]
     Description { file: PathBuf, problem: String },
     #[error("{}: no network that can be run ({reason}); export it to ONNX with 32-bit floats", .file.display())]
     Network { file: PathBuf, reason: String },

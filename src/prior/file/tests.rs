@@ -199,7 +199,7 @@ fn a_missing_tensor_and_a_nan_are_refused() {
 fn names_are_resolved() {
     let unknown = find("boat").unwrap_err().to_string();
     assert!(
-        unknown.contains("`boat` is neither bundled (car, car-surface, chair, airplane) nor a file"),
+        unknown.contains("`boat` is neither bundled (car, chair, airplane) nor a file"),
         "{unknown}"
     );
     assert!(

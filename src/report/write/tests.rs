@@ -10,6 +10,7 @@ fn input<'a>(sequence: &'a Sequence, solution: &'a Solution, surface: &'a Surfac
         solution,
         surface,
         input: "data/box",
+        length_m: Some(4.2),
         prior: "box 1",
         masks_anew: &[],
         config: "[solver]\n",
@@ -102,7 +103,7 @@ fn result_json_has_exactly_the_documented_keys() {
         keys.sort();
         keys
     };
-    let top = "alpha canonical_from_shape density_mean evaluations focal_factor frames free_form hypotheses input iterations masks_anew object_from_input objective \
+    let top = "alpha canonical_from_shape density_mean evaluations focal_factor frames free_form hypotheses input iterations masks_anew metres_per_unit object_from_input objective \
                peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
     assert_eq!(keys(&json).join(" "), top);
     let frame = "center density name rotation silhouette_iou translation";
@@ -116,6 +117,10 @@ fn result_json_has_exactly_the_documented_keys() {
     assert_eq!(keys(&json["objective"]["end"]).join(" "), terms);
     assert_eq!(keys(&json["evaluations"]).join(" "), "jacobian residual");
     assert_eq!(json["termination"], "converged");
+    let along = surface.points().iter().map(|point| point.z);
+    let length = along.clone().fold(f64::MIN, f64::max) - along.fold(f64::MAX, f64::min);
+    let metres = json["metres_per_unit"].as_f64().unwrap();
+    assert!((metres * length - 4.2).abs() < 1e-12);
 }
 
 #[test]
