@@ -179,15 +179,28 @@ impl Config {
         Self::layered(Some(path), &[])
     }
 
+    /// Likewise, of a text, which `name` stands for in messages.
+    pub fn parse(text: &str, name: &Path) -> Result<Self, ConfigError> {
+        Self::laid_over_defaults(Some((table(text, name)?, name)), &[])
+    }
+
     /// A file's keys over the defaults, and settings over both; of two settings for one key the later counts.
     ///
     /// # Errors
     /// An unknown key or a value of the wrong type, with its key, where it was given, and what is known or expected. The file
     /// must do without the settings.
     pub fn layered(file: Option<&Path>, settings: &[Setting]) -> Result<Self, ConfigError> {
+        let file = match file {
+            Some(path) => Some((read(path)?, path)),
+            None => None,
+        };
+        Self::laid_over_defaults(file, settings)
+    }
+
+    fn laid_over_defaults(file: Option<(Table, &Path)>, settings: &[Setting]) -> Result<Self, ConfigError> {
         let mut table = Table::try_from(Self::default())?;
-        if let Some(path) = file {
-            setting::lay(&mut table, read(path)?);
+        if let Some((keys, path)) = file {
+            setting::lay(&mut table, keys);
             setting::config_of(table.clone()).map_err(|fault| ConfigError::Parse {
                 path: path.to_owned(),
                 message: format!("{}: {}; {MEND}", fault.key, fault.message),
@@ -238,6 +251,10 @@ fn read(path: &Path) -> Result<Table, ConfigError> {
         path: path.to_owned(),
         problem,
     })?;
+    table(&text, path)
+}
+
+fn table(text: &str, path: &Path) -> Result<Table, ConfigError> {
     text.parse().map_err(|error: toml::de::Error| ConfigError::Parse {
         path: path.to_owned(),
         message: crate::image::one_line(error.message()),

@@ -13,11 +13,13 @@
 //! - **Images** are RGB in \[0, 255\], `f32`.
 
 pub(crate) mod bridge;
+#[cfg(feature = "cad")]
 pub mod cad;
 pub mod config;
 pub mod eval;
 pub(crate) mod files;
 pub mod geometry;
+#[cfg(feature = "cad")]
 mod guard;
 pub mod image;
 pub mod init;
@@ -26,16 +28,21 @@ pub mod objective;
 #[cfg(feature = "vision")]
 pub mod prepare;
 pub mod prior;
+#[cfg(feature = "cad")]
 pub mod regressor;
 pub mod report;
 pub mod sequence;
 pub mod solver;
+#[cfg(feature = "cad")]
 pub(crate) mod sources;
+#[cfg(feature = "study")]
 pub mod study;
 #[cfg(feature = "training")]
 pub mod training;
 pub mod visibility;
 
+pub use bridge::route_ceres_logs;
+#[cfg(feature = "cad")]
 pub use guard::quiet_guarded_panics;
 
 /// The README, so that its example is compiled with the documentation's.

@@ -4,7 +4,6 @@
 
 #include <stdexcept>
 
-#include "bridge/logs.h"
 #include "core/baseline.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
 #include "spba/reprojection.h"
@@ -13,7 +12,6 @@ namespace spba {
 namespace bridge {
 
 double adjust(Bundle& bundle, const BundleOptions& options) {
-  RouteLogs();
   const std::size_t cameras = bundle.cameras.size() / 6, points = bundle.points.size() / 3;
   if (cameras == 0 || bundle.cameras.size() % 6 != 0 || bundle.points.size() % 3 != 0) {
     throw std::invalid_argument("six numbers a camera and three a point are needed");

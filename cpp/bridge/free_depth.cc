@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "bridge/logs.h"
 #include "core/free_depth.h"
 #include "core/pixel_depth.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
@@ -56,7 +55,6 @@ struct Problem {
 
 void adjust_photometric(rust::Slice<double> cameras, rust::Vec<FreePixel>& pixels,
                         rust::Slice<const float> images, const PhotometricOptions& options) {
-  RouteLogs();
   Problem problem({cameras.data(), cameras.size()}, pixels, images, options);
   AdjustFreeDepth(problem.twists, problem.pixels, problem.images, problem.options);
   std::copy(problem.twists.begin(), problem.twists.end(), cameras.begin());

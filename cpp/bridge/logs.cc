@@ -18,7 +18,7 @@ class RustLogSink : public google::LogSink {
 
 }  // namespace
 
-void RouteLogs() {
+void route_logs() {
   static const bool routed = [] {
     if (google::IsGoogleLoggingInitialized()) return false;
     google::InitGoogleLogging("spba-ceres");

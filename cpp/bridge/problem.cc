@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "bridge/logs.h"
 #include "core/terms/focal.h"
 #include "core/terms/inverse_depth.h"
 #include "core/terms/motion.h"
@@ -261,7 +260,6 @@ Derivatives Problem::differentiate(const Variables& variables, const Visibility&
 
 Summary Problem::minimise(Variables& variables, const Visibility& visibility, const MinimiseOptions& options,
                           Observer& observer) {
-  RouteLogs();
   Free free;
   free.poses = bridge::ToCore(options.poses);
   free.style = options.free_style;

@@ -291,7 +291,11 @@ pub mod ffi {
     }
 
     unsafe extern "C++" {
+        include!("bridge/logs.h");
         include!("bridge/problem.h");
+
+        /// Sends the log lines of Ceres to `log_message`; a process whose glog is set up already keeps its destinations.
+        fn route_logs() -> Result<()>;
 
         /// What the frames show; read-only, for any number of problems and threads.
         type Footage;

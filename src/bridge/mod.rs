@@ -9,3 +9,12 @@ pub mod bundle;
 pub mod ceres;
 #[cfg(feature = "vision")]
 pub mod vision;
+
+/// For programs: from now on, what Ceres logs goes to `tracing` (target `ceres`) instead of standard error and files. Sets up glog for the whole
+/// process, unless it is already; a library leaves that to its host.
+///
+/// # Errors
+/// glog cannot be set up.
+pub fn route_ceres_logs() -> Result<(), cxx::Exception> {
+    ceres::ffi::route_logs()
+}

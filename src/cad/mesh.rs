@@ -1,6 +1,7 @@
 //! A triangle mesh with materials and textures, in the object frame once normalised.
 
 use super::sample_outside;
+use crate::geometry::BODY_BEYOND;
 use crate::image::RgbImage;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -8,8 +9,6 @@ use std::sync::Arc;
 
 /// Draws for the box of the body.
 const BODY_SAMPLES: usize = 20_000;
-/// The share of the outside beyond each face of that box.
-pub(crate) const BODY_BEYOND: f64 = 0.01;
 /// A vertex so many times farther from the middle than the others is none of the object's.
 const OUT_OF_PROPORTION: f64 = 1e3;
 

@@ -30,11 +30,10 @@ mod trigger;
 pub use contact_sheet::contact_sheet;
 pub use error::CadError;
 pub use frame::{Axes, Axis};
-pub(crate) use mesh::BODY_BEYOND;
 pub(crate) use mesh::body_box;
 pub use mesh::{Material, Mesh, Texture, Triangle};
 pub use orbit::orbit;
-pub use outside::{OutsideSample, mirror, sample_outside, sample_shell};
+pub use outside::{OutsideSample, sample_outside, sample_shell};
 pub use plain::load;
 #[cfg(fuzzing)]
 pub use sources::fuzz;

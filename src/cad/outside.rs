@@ -3,6 +3,7 @@
 use super::Mesh;
 use super::bvh::Bvh;
 use super::random::Random;
+use crate::geometry::mirror;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -57,11 +58,6 @@ impl OutsideSample {
             .collect();
         self.select(&indices)
     }
-}
-
-/// The reflection in x = 0.
-pub fn mirror(v: &V3) -> V3 {
-    V3::new(-v.x, v.y, v.z)
 }
 
 /// Draws `count` area-uniform samples of `mesh` and keeps those on the outside (about two thirds for a model

@@ -57,7 +57,21 @@ pub fn run() -> ExitCode {
         .with_ansi(std::io::stderr().is_terminal())
         .without_time()
         .init();
-    let outcome = match Cli::parse().verb {
+    let verb = Cli::parse().verb;
+    let outcome = spba_ceres::route_ceres_logs()
+        .map_err(anyhow::Error::from)
+        .and_then(|()| run_verb(verb));
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run_verb(verb: Verb) -> anyhow::Result<()> {
+    match verb {
         Verb::Solve(args) => solve::run(&args),
         #[cfg(feature = "vision")]
         Verb::Prepare(args) => prepare::run(&args),
@@ -71,12 +85,5 @@ pub fn run() -> ExitCode {
         Verb::Reproduce(args) => reproduce::run(&args),
         Verb::Prior(args) => prior::run(&args),
         Verb::Regressor(args) => regressor::run(&args),
-    };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
     }
 }

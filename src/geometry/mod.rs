@@ -14,4 +14,14 @@ pub use similarity::Similarity;
 pub const OBJECT_FRAME: &str = "+Y up, -Z front, the body's box centred at the origin with diagonal 1 (beyond each of its faces \
                                 lies 1 % of the surface: antennas, mirrors)";
 
-pub use nalgebra::{Matrix3, Matrix4, Point2, Point3, Rotation3, UnitQuaternion, Vector2, Vector3, Vector4};
+/// The share of the outside of a shape beyond each face of its body's box.
+pub(crate) const BODY_BEYOND: f64 = 0.01;
+
+/// The reflection in x = 0, an object's plane of symmetry.
+pub fn mirror(v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(-v.x, v.y, v.z)
+}
+
+pub use nalgebra::{
+    Matrix3, Matrix4, Point2, Point3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3, Vector4,
+};

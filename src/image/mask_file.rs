@@ -41,7 +41,7 @@ pub(crate) fn mask_of_pixels(pixels: DynamicImage, file: &Path) -> Result<Mask, 
 
 impl Mask {
     /// What is wrong with a mask that leaves (nearly) nothing out, in words.
-    pub(crate) fn covers_all(&self) -> Option<String> {
+    pub fn covers_all(&self) -> Option<String> {
         let (share, border) = (self.share(), self.border_share());
         (share >= ALL || border >= ALL).then(|| {
             format!(

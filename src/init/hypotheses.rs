@@ -64,7 +64,7 @@ pub fn pose_hypotheses(
         target,
         reconstruction: None,
     };
-    let found = search(&scene, &Shape::new(points), options);
+    let found = search(&scene, &Shape::new(points), options, &|| true);
     found
         .into_iter()
         .map(|candidate| candidate.hypothesis())
@@ -105,8 +105,14 @@ impl Candidate {
     }
 }
 
-/// The K best distinct candidates by mean IoU, best first; `shape` has the points of [`pose_hypotheses`].
-pub(super) fn search(scene: &Scene, shape: &Shape, options: &HypothesisOptions) -> Vec<Candidate> {
+/// The K best distinct candidates by mean IoU, best first; `shape` has the points of [`pose_hypotheses`]. Once `go_on` says no,
+/// what is left is not looked at.
+pub(super) fn search(
+    scene: &Scene,
+    shape: &Shape,
+    options: &HypothesisOptions,
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Vec<Candidate> {
     let Some(centroid) = scene.target.centroid_px(&scene.target.mask) else {
         return Vec::new();
     };
@@ -115,10 +121,16 @@ pub(super) fn search(scene: &Scene, shape: &Shape, options: &HypothesisOptions) 
     let by_target =
         |shape: &Shape, template: &Template| scene.place_by_target(shape, &template.rotation(&ray));
     let placed = |template: Template| {
+        if !go_on() {
+            return None;
+        }
         let placement = scene.place_by_all(shape, by_target(shape, &template)?);
         Some(Candidate { template, placement })
     };
     let roughly_placed = |template: Template| {
+        if !go_on() {
+            return None;
+        }
         let Shown { placement, .. } = by_target(&coarse, &template)?;
         Some(Candidate { template, placement })
     };

@@ -67,6 +67,8 @@ pub enum InitError {
     NothingFits { frame: usize, name: String },
     #[error("the target is frame {target}, but there are {frames}; give 0 to {}", frames - 1)]
     Target { target: usize, frames: usize },
+    #[error("interrupted before there was a starting point")]
+    Interrupted,
 }
 
 /// Starting points for every variable, the most likely first (at most K of [`HypothesisOptions`]).
@@ -78,6 +80,21 @@ pub enum InitError {
 /// their mean IoU; a frame without a pose takes that of the nearest frame that has one. Without poses α is 1 and each
 /// frame keeps the target's viewing angle, placed by its own mask.
 pub fn initialise(
+    sequence: &Sequence,
+    prior: &dyn ShapePrior,
+    style: &[f64],
+    target: usize,
+    options: &InitOptions,
+) -> Result<Vec<Initialisation>, InitError> {
+    initialise_while(&|| true, sequence, prior, style, target, options)
+}
+
+/// Likewise, as long as `go_on` says so, which is asked before every template, from several threads.
+///
+/// # Errors
+/// As [`initialise`], and [`InitError::Interrupted`] once `go_on` has said no; it must not change its mind.
+pub fn initialise_while(
+    go_on: &(dyn Fn() -> bool + Sync),
     sequence: &Sequence,
     prior: &dyn ShapePrior,
     style: &[f64],
@@ -108,7 +125,10 @@ pub fn initialise(
     };
 
     let shape = Shape::new(&points);
-    let candidates = search(&scene, &shape, &options.hypotheses);
+    let candidates = search(&scene, &shape, &options.hypotheses, go_on);
+    if !go_on() {
+        return Err(InitError::Interrupted);
+    }
     if candidates.is_empty() {
         return Err(InitError::NothingFits {
             frame: target,

@@ -12,12 +12,13 @@ mod templates;
 mod testing;
 
 pub use hypotheses::{HypothesisOptions, PoseHypothesis, pose_hypotheses};
-pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at};
+pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at, initialise_while};
 pub use motion::cameras_from_input;
 pub use scale::scale_from_inverse_depth;
 pub use templates::TemplateGrid;
 
 use crate::geometry::{Pinhole, Pose, Similarity};
+use crate::sequence::Sequence;
 use serde::{Deserialize, Serialize};
 
 /// Every variable of the problem: what initialisation hands to the solver, and what the solver refines.
@@ -37,6 +38,21 @@ impl Estimate {
     /// L.
     pub fn frame_count(&self) -> usize {
         self.camera_from_object.len()
+    }
+
+    /// How the frame of the off-the-shelf reconstruction lies in the object's. From x_cam = α x'_cam (Eq. 10), x_cam = R x + t and
+    /// x'_cam = R' x' + t' of the first frame with an input pose: x = α Rᵀ R' x' + Rᵀ (α t' − t). `None` where no frame has one.
+    pub fn object_from_input(&self, sequence: &Sequence) -> Option<Similarity> {
+        let known = sequence.frames.iter().zip(&self.camera_from_object);
+        let (object, input) = known
+            .filter_map(|(frame, object)| Some((object, frame.camera_from_input?)))
+            .next()?;
+        let object_from_camera = object.rotation.inverse();
+        Some(Similarity {
+            scale: self.alpha,
+            rotation: object_from_camera * input.rotation,
+            translation: object_from_camera * (self.alpha * input.translation - object.translation),
+        })
     }
 
     /// The same cameras before the same shape, in another frame and unit of it.

@@ -55,7 +55,7 @@ impl Call {
             Minimiser::Lm { .. } => (false, 0, Interpolation::Cubic),
             Minimiser::Lbfgs { rank, interpolation } => (true, rank, interpolation),
         };
-        let star = all && objective.options.pairs == Pairs::Star;
+        let star = all && objective.matcher.options.pairs == Pairs::Star;
         ffi::MinimiseOptions {
             poses: match self.block {
                 Block::All => ffi::PoseMotion::Each,
@@ -65,7 +65,7 @@ impl Call {
             },
             free_style: all || self.block == Block::Style,
             free_alpha: self.free_alpha,
-            free_focal: all && objective.options.focal_deviation > Some(0.0),
+            free_focal: all && objective.matcher.options.focal_deviation > Some(0.0),
             target: objective.target as u32,
             blocks: self.evaluation == Evaluation::Blocks,
             line_search,
@@ -88,7 +88,7 @@ impl Call {
             },
             max_iterations: self.max_iterations,
             tolerance: self.tolerance,
-            threads: objective.threads as u32,
+            threads: objective.matcher.threads as u32,
         }
     }
 }

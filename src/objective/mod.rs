@@ -1,8 +1,10 @@
 //! The terms of Eq. 9: which points, pixels and weights go into the problem.
 
 mod call;
+mod correspondences;
 mod footage;
 mod inverse_depth;
+mod matcher;
 mod options;
 mod silhouette;
 #[cfg(test)]
@@ -10,19 +12,18 @@ mod tests;
 mod threads;
 
 pub use call::{Block, Call, CallOutcome, Iteration};
+pub use correspondences::{ComparedPoint, Correspondences, KnownInverseDepth, SilhouetteMatches};
 pub use footage::Footage;
-use inverse_depth::KnownDepths;
+use matcher::Matcher;
 use options::{MOTION_CAUCHY, MOTION_WEIGHT, limit};
 pub use options::{ObjectiveOptions, Pairs};
 
 use crate::bridge::ceres::{Observer, PriorCallback, ffi};
-use crate::geometry::{Matrix3, Pose, Rotation3, Vector3};
-use crate::image::Grid;
+use crate::geometry::{Matrix3, Pose, Rotation3};
 use crate::init::Estimate;
 use crate::prior::ShapePrior;
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::Sequence;
 use crate::solver::ObjectiveValue;
-use crate::visibility::{Neighbourhoods, Surfels, Visibility as Seen, visible_points};
 use cxx::UniquePtr;
 use std::sync::Arc;
 
@@ -50,20 +51,8 @@ pub enum ObjectiveError {
 pub struct Objective<'a> {
     problem: UniquePtr<ffi::Problem>,
     sequence: &'a Sequence,
-    /// One per frame.
-    depths: Arc<[KnownDepths]>,
-    outside_px: Arc<[Grid<u8>]>,
-    prior: Arc<dyn ShapePrior>,
-    /// Of the points that are looked at, in the prior's mean shape.
-    neighbourhoods: Neighbourhoods,
-    options: ObjectiveOptions,
+    matcher: Matcher,
     target: usize,
-    threads: usize,
-    /// The frames that Eq. 4 compares.
-    pairs: Vec<(usize, usize)>,
-    /// α at construction: inverse depths are compared in units in which α starts at 1, so that λ2 and δ2 mean
-    /// the same whatever the unit of the off-the-shelf reconstruction.
-    input_unit: f64,
 }
 
 /// Which points and pixels Eq. 4 and 6 compare, found at one estimate, and the pyramid level of their colours.
@@ -101,41 +90,24 @@ impl<'a> Objective<'a> {
         if target >= frames {
             return Err(ObjectiveError::Target { target, frames });
         }
-        let points = limit(options.points, prior.point_count());
+        let matcher = Matcher::new(footage, prior.clone(), options, target, start.alpha, threads);
         let targets = limit(options.silhouette_targets, prior.point_count());
-        let options = ObjectiveOptions {
-            points,
-            motion_deviation: options.motion_deviation.or(sequence.motion_deviation),
-            focal_deviation: options.focal_deviation.or(sequence.focal_deviation),
-            ..options.clone()
-        };
         let problem = ffi::new_problem(
             footage.shared.clone(),
-            Box::new(PriorCallback::new(prior.clone(), points.max(targets))),
-            &terms(sequence, &options, target, start.alpha),
+            Box::new(PriorCallback::new(prior, matcher.options.points.max(targets))),
+            &terms(sequence, &matcher.options, target, start.alpha),
         )?;
-        let mut mean = vec![0.0; 3 * options.points];
-        prior.points(&vec![0.0; prior.style_len()], &mut mean);
         Ok(Self {
             problem,
             sequence,
-            depths: footage.depths.clone(),
-            outside_px: footage.outside_px.clone(),
-            neighbourhoods: Neighbourhoods::of(&mean),
-            prior,
-            pairs: options.pairs.of(frames, target),
-            options,
+            matcher,
             target,
-            threads,
-            input_unit: start.alpha,
         })
     }
 
     /// X(s) of the points that Eq. 4, 6 and the second sum of Eq. 5 use: xyz after xyz, object frame.
     pub fn points(&self, estimate: &Estimate) -> Vec<f64> {
-        let mut points = vec![0.0; 3 * self.options.points];
-        self.prior.points(&estimate.style, &mut points);
-        points
+        self.matcher.points(&estimate.style)
     }
 
     /// Which points and pixels Eq. 4 and 6 compare at `estimate`, with colours of pyramid level `level` (0 = finest).
@@ -143,85 +115,10 @@ impl<'a> Objective<'a> {
     /// # Errors
     /// No such level.
     pub fn visibility(&self, estimate: &Estimate, level: usize) -> Result<Visibility, ObjectiveError> {
-        let points = self.points(estimate);
-        let surfels = Surfels::among(&self.neighbourhoods, &points);
-        let frames = &self.sequence.frames;
-        let photometric = self.options.photometric_weight > 0.0;
-        let (known_depths, input_unit) = (&self.depths, self.input_unit);
-        let seen = threads::map(frames.len(), self.threads, |l| {
-            let (frame, pose) = (&frames[l], &estimate.camera_from_object[l]);
-            let camera = estimate.camera(&frame.camera);
-            let seen = visible_points(&points, &camera, pose, frame.image.size(), Some(&surfels));
-            let inside = if photometric {
-                inside_mask(&seen, frame)
-            } else {
-                Vec::new()
-            };
-            let depths = known_depths[l].seen(l, &seen, input_unit);
-            (seen, inside, depths)
-        });
-        let mut input = ffi::VisibilityInput {
-            level: level as u32,
-            pairs: Vec::new(),
-            comparisons: Vec::new(),
-            depths: Vec::new(),
-            silhouette_weights: self.silhouette_weights(&points, estimate),
-        };
-        if photometric {
-            let weight = 1.0 / self.pairs.len().max(1) as f64;
-            for (pair, &(a, b)) in (0u32..).zip(&self.pairs) {
-                input.pairs.push(ffi::FramePair {
-                    a: a as u32,
-                    b: b as u32,
-                    weight,
-                });
-                let compared = photometric_points(
-                    [&seen[a].0, &seen[b].0],
-                    [&seen[a].1, &seen[b].1],
-                    self.options.covisible,
-                );
-                input
-                    .comparisons
-                    .extend(compared.map(|(point, directions)| ffi::Comparison {
-                        point,
-                        pair,
-                        directions,
-                    }));
-            }
-        }
-        for (_, _, depths) in seen {
-            input.depths.extend(depths);
-        }
+        let input = self.matcher.find(&self.sequence.frames, estimate, level);
         Ok(Visibility {
             input: ffi::new_visibility(&self.problem, &input)?,
         })
-    }
-
-    /// What each point's distances outside the masks weigh: more, the more frames agree that it is outside. A mask that leaks is alone in what it
-    /// shows, and so is one that lacks a part; the robust loss of [`ObjectiveOptions::silhouette_cauchy`] cannot tell them from a shape that is wrong.
-    fn silhouette_weights(&self, points: &[f64], estimate: &Estimate) -> Vec<f64> {
-        let agreed = self.options.silhouette_agreement;
-        if self.options.silhouette_weight == 0.0 || agreed == 0.0 {
-            return Vec::new();
-        }
-        let frames = &self.sequence.frames;
-        let unit_px = silhouette::unit_px(frames, self.options.silhouette_size);
-        let outside_px = &self.outside_px;
-        let used = limit(self.options.silhouette_points, self.options.points);
-        let points: Vec<_> = points[..3 * used]
-            .chunks_exact(3)
-            .map(Vector3::from_column_slice)
-            .collect();
-        let outside = threads::map(frames.len(), self.threads, |l| {
-            let (camera, pose) = (
-                estimate.camera(&frames[l].camera),
-                &estimate.camera_from_object[l],
-            );
-            silhouette::outside(&outside_px[l], &camera, pose, &points, unit_px)
-        });
-        (0..used)
-            .map(|j| 1.0 + agreed * silhouette::agreement(outside.iter().filter_map(|frame| frame[j])))
-            .collect()
     }
 
     /// L and its terms.
@@ -234,7 +131,7 @@ impl<'a> Objective<'a> {
         visibility: &Visibility,
     ) -> Result<ObjectiveValue, ObjectiveError> {
         let variables = self.variables(estimate);
-        let threads = self.threads as u32;
+        let threads = self.matcher.threads as u32;
         let costs = self
             .problem
             .pin_mut()
@@ -253,7 +150,7 @@ impl<'a> Objective<'a> {
         visibility: &Visibility,
     ) -> Result<(Vec<f64>, Vec<f64>), ObjectiveError> {
         let variables = self.variables(estimate);
-        let threads = self.threads as u32;
+        let threads = self.matcher.threads as u32;
         let found = self
             .problem
             .pin_mut()
@@ -273,7 +170,7 @@ impl<'a> Objective<'a> {
         call: &Call,
         observer: &mut dyn FnMut(&Iteration) -> bool,
     ) -> Result<CallOutcome, ObjectiveError> {
-        let input_unit = self.input_unit;
+        let input_unit = self.matcher.input_unit;
         let mut on_iteration = |iteration: &ffi::Iteration| observer(&Iteration::new(iteration, input_unit));
         let mut variables = self.variables(estimate);
         let options = call.options(self);
@@ -299,7 +196,7 @@ impl<'a> Objective<'a> {
         ffi::Variables {
             camera_from_object: poses.collect(),
             style: estimate.style.clone(),
-            log_alpha: (estimate.alpha / self.input_unit).ln(),
+            log_alpha: (estimate.alpha / self.matcher.input_unit).ln(),
             log_focal: estimate.focal_factor.ln(),
         }
     }
@@ -318,7 +215,7 @@ impl<'a> Objective<'a> {
         Estimate {
             camera_from_object: poses.collect(),
             style: variables.style.clone(),
-            alpha: variables.log_alpha.exp() * self.input_unit,
+            alpha: variables.log_alpha.exp() * self.matcher.input_unit,
             focal_factor: variables.log_focal.exp(),
         }
     }
@@ -383,30 +280,4 @@ fn known_motions(sequence: &Sequence, pairs: &[(usize, usize)], input_unit: f64)
             })
         })
         .collect()
-}
-
-/// Per point: does it project into the frame's mask?
-fn inside_mask(seen: &Seen, frame: &Frame) -> Vec<bool> {
-    let cells = seen.cells.iter();
-    cells
-        .map(|cell| cell.is_some_and(|cell| frame.mask.data()[cell as usize]))
-        .collect()
-}
-
-/// The points of Eq. 4 for one pair of frames, each with how many of the two sums it is in. Of both frames: what each
-/// sees, and which points lie inside its mask. A point outside either mask is left out; so is, if
-/// `covisible`, one that either does not see.
-fn photometric_points(
-    visible: [&Seen; 2],
-    inside: [&[bool]; 2],
-    covisible: bool,
-) -> impl Iterator<Item = (u32, u8)> + use<> {
-    let mut directions = vec![0u8; inside[0].len()];
-    for point in visible.iter().flat_map(|v| &v.points) {
-        let j = point.point as usize;
-        let kept =
-            inside.iter().all(|inside| inside[j]) && (!covisible || visible.iter().all(|v| v.unoccluded[j]));
-        directions[j] += u8::from(kept);
-    }
-    (0u32..).zip(directions).filter(|&(_, d)| d > 0)
 }

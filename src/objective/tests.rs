@@ -6,7 +6,7 @@ mod terms;
 use super::*;
 use crate::geometry::{Pinhole, RelativePose, Rotation3, Vector3};
 use crate::image::{Mask, RgbImage};
-use crate::sequence::SequenceContent;
+use crate::sequence::{Frame, SequenceContent};
 use crate::solver::{Evaluation, LinearSolver, Minimiser};
 
 /// A sphere of points that four modes stretch and bend.

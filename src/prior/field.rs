@@ -1,7 +1,7 @@
 //! A smooth random displacement on points that is symmetric in x = 0: a Gaussian process with a squared-exponential covariance,
 //! cut off at its largest modes.
 
-use crate::cad::mirror;
+use crate::geometry::mirror;
 use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 
 type V3 = Vector3<f64>;

@@ -29,6 +29,7 @@ const MOST_OFF_CENTRE: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
 const MOST_MOVED: f64 = 1.0;
 /// Priors that ship inside the library.
+#[cfg(feature = "bundled-priors")]
 const BUNDLED: [(&str, &[u8]); 3] = [
     ("car", include_bytes!("../../data/priors/car.safetensors")),
     ("chair", include_bytes!("../../data/priors/chair.safetensors")),
@@ -37,8 +38,11 @@ const BUNDLED: [(&str, &[u8]); 3] = [
         include_bytes!("../../data/priors/airplane.safetensors"),
     ),
 ];
+#[cfg(not(feature = "bundled-priors"))]
+const BUNDLED: [(&str, &[u8]); 0] = [];
 
 /// The files of the bundled priors.
+#[cfg(feature = "study")]
 pub(crate) fn bundled() -> impl Iterator<Item = &'static [u8]> {
     BUNDLED.into_iter().map(|(_, bytes)| bytes)
 }
@@ -180,7 +184,10 @@ pub fn open(name_or_path: &str) -> Result<(LearnedPrior, PriorInfo), PriorError>
     }
     let path = Path::new(name_or_path);
     if !path.exists() && path.components().count() == 1 && path.extension().is_none() {
-        let bundled = BUNDLED.map(|(name, _)| name).join(", ");
+        let bundled = match &BUNDLED.map(|(name, _)| name)[..] {
+            [] => "none in this build".to_owned(),
+            names => names.join(", "),
+        };
         return Err(PriorError::Unknown {
             name: name_or_path.to_owned(),
             bundled,
@@ -343,7 +350,8 @@ fn parse(bytes: &[u8], path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorEr
 }
 
 /// Refuses shapes in another unit than their diagonal, or about another origin than their centre: whatever takes a prior counts on both.
-fn check_unit(output: &LinearPrior, path: &Path) -> Result<(), PriorError> {
+/// `path` is what messages call the prior.
+pub fn check_unit(output: &LinearPrior, path: &Path) -> Result<(), PriorError> {
     let along = |axis: usize| {
         let coordinates = output.mean().iter().skip(axis).step_by(3);
         coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {

@@ -1,6 +1,7 @@
 //! A prior as files hold it: hidden layers, none for a linear prior, and a linear output layer, so that X and ∂X/∂s are a
 //! few matrix products.
 
+#[cfg(feature = "cad")]
 use super::learn::spacing;
 use super::linear::InvalidPrior;
 use super::surface::{FreeForm, SurfacePrior};
@@ -116,6 +117,7 @@ impl LearnedPrior {
 
     /// How far apart the first `point_count` points of X(0) lie: the median distance to the nearest other point, object
     /// units. 0 below two points.
+    #[cfg(feature = "cad")]
     pub fn sample_spacing(&self, point_count: usize) -> f64 {
         let mut points = self.shape(&vec![0.0; self.style_len]);
         points.truncate(point_count);
@@ -295,6 +297,7 @@ pub(super) mod tests {
     }
 
     #[test]
+    #[cfg(feature = "cad")]
     fn spacing_is_the_grid_s() {
         let mean = vec![0.5, 0.0, 0.0, -0.5, 0.0, 0.0, 0.5, 0.5, 0.0, -0.5, 0.5, 0.0];
         let grid = LinearPrior::new(mean, vec![], 0, vec![[0.0, 0.0, -1.0]; 4]).unwrap();

@@ -79,6 +79,7 @@ impl LinearPrior {
 
     /// The prior of `shapes`' first `style_len` principal components (fewer where there are fewer shapes), each shape counting by its
     /// weight, and the share of the variance explained by the first k + 1 of them.
+    #[cfg(feature = "cad")]
     pub fn from_correspondences(
         shapes: &[Vec<f64>],
         weights: &[f64],

@@ -1,6 +1,6 @@
 //! A closed triangle mesh that is symmetric in x = 0, stored as its half x ≥ 0.
 
-use crate::cad::mirror;
+use crate::geometry::mirror;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::Path;

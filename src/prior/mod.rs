@@ -1,30 +1,40 @@
 //! Learned, category-specific shape priors: X = G(s).
 
+#[cfg(feature = "cad")]
 mod evaluate;
 mod field;
 mod file;
+#[cfg(feature = "cad")]
 mod frame_error;
+#[cfg(feature = "cad")]
 mod glyphs;
+#[cfg(feature = "cad")]
 pub mod learn;
 mod learned;
 mod linear;
 mod mesh;
+#[cfg(feature = "cad")]
 mod sheet;
 mod surface;
+#[cfg(feature = "cad")]
 mod surface_sheet;
 
+#[cfg(feature = "cad")]
 pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub use field::{FieldModes, FieldScale, field_modes};
+#[cfg(feature = "study")]
 pub(crate) use file::bundled;
 #[cfg(fuzzing)]
 pub use file::fuzz;
 pub use file::{
-    FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, find, load, open, save,
+    FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, check_unit, find, load, open, save,
 };
+#[cfg(feature = "cad")]
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
 pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, subdivided, write_mesh};
+#[cfg(feature = "cad")]
 pub use sheet::contact_sheet;
 pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 

@@ -4,8 +4,7 @@
 use super::field::FieldModes;
 use super::linear::{InvalidPrior, LinearPrior};
 use super::mesh::{MirroredMesh, body_box, subdivided};
-use crate::cad::{BODY_BEYOND, mirror};
-use crate::geometry::{Rotation3, Similarity};
+use crate::geometry::{BODY_BEYOND, Rotation3, Similarity, mirror};
 use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;

@@ -73,7 +73,11 @@ pub enum RegressorError {
 }
 
 /// The files of the bundled regressors.
+#[cfg(feature = "bundled-priors")]
 const BUNDLED: [(&str, &[u8]); 1] = [("car", include_bytes!("../../data/regressors/car.safetensors"))];
+
+#[cfg(not(feature = "bundled-priors"))]
+const BUNDLED: [(&str, &[u8]); 0] = [];
 
 /// The bundled regressor of a category.
 pub fn bundled(category: &str) -> Result<Regressor, RegressorError> {

@@ -11,7 +11,6 @@ use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, traje
 use crate::files::write_whole;
 use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
 use crate::image::{write_depth, write_mask};
-use crate::init::Estimate;
 use crate::sequence::Sequence;
 use crate::solver::Solution;
 use std::collections::BTreeMap;
@@ -65,7 +64,7 @@ const SHOWN: usize = 16;
 pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let (sequence, estimate) = (input.sequence, &input.solution.estimate);
     let poses = check(input)?;
-    let object_from_input = object_from_input(sequence, estimate);
+    let object_from_input = estimate.object_from_input(sequence);
     let staging = Staging::beside(out)?;
     let (depth_folder, overlay_folder) = (staging.folder("depth")?, staging.folder("overlay")?);
     let mask_folder = match input.masks_anew {
@@ -186,23 +185,6 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
         }
     }
     Ok(poses)
-}
-
-/// From x_cam = α x'_cam (Eq. 10), x_cam = R x + t and x'_cam = R' x' + t' of the first frame with an input pose:
-/// x = α Rᵀ R' x' + Rᵀ (α t' − t).
-pub(super) fn object_from_input(sequence: &Sequence, estimate: &Estimate) -> Option<Similarity> {
-    let (frame, input) = sequence
-        .frames
-        .iter()
-        .enumerate()
-        .find_map(|(i, frame)| Some((i, frame.camera_from_input?)))?;
-    let object = estimate.camera_from_object[frame];
-    let object_from_camera = object.rotation.inverse();
-    Some(Similarity {
-        scale: estimate.alpha,
-        rotation: object_from_camera * input.rotation,
-        translation: object_from_camera * (estimate.alpha * input.translation - object.translation),
-    })
 }
 
 /// What one object unit is in metres, by the shape's extent along z.

@@ -23,6 +23,7 @@ use descent::{Descent, Route, descend};
 use progress::Progress;
 use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// A hypothesis is judged with this many of the prior's points.
@@ -98,8 +99,17 @@ pub fn solve(
                 chosen: i == short.chosen,
             },
         )
+        // Without those whose turn did not come.
+        .filter(|outcome: &HypothesisOutcome| outcome.objective_end.is_finite())
         .collect();
-    let refined = refine(
+    tracing::info!(
+        "start {} of {} is the best: objective {:.1}",
+        short.chosen,
+        starts.len(),
+        short.objectives[short.chosen].1
+    );
+    let go_on_from = if short.interrupted { unrefined } else { refine };
+    let refined = go_on_from(
         footage,
         prior,
         target,
@@ -108,6 +118,12 @@ pub fn solve(
         options,
         observer,
     )?;
+    tracing::info!(
+        "objective {:.1} -> {:.1} in {} iterations",
+        refined.objective_start.total,
+        refined.objective_end.total,
+        refined.iterations
+    );
     let found = complete(
         footage,
         prior,
@@ -236,6 +252,8 @@ pub struct ShortSolves {
     pub estimate: Estimate,
     /// The index of its start.
     pub chosen: usize,
+    /// By the observer; the starts that had not had their turn have an infinite objective.
+    pub interrupted: bool,
     /// Per start: the objective before and after, comparable among them alone.
     pub objectives: Vec<(f64, f64)>,
     pub trace: Vec<TraceRow>,
@@ -275,6 +293,12 @@ pub fn short_solves(
         })
         .collect();
     let mut given_up = Vec::new();
+    let stopped = AtomicBool::new(false);
+    let observer = |row: &TraceRow| {
+        let goes_on = observer(row);
+        stopped.fetch_or(!goes_on, Ordering::Relaxed);
+        goes_on
+    };
     for (round, &steps) in SHORT_SOLVE_STEPS.iter().enumerate() {
         let options = SolverOptions {
             evaluation,
@@ -284,6 +308,9 @@ pub fn short_solves(
             ..SolverOptions::default()
         };
         trials.par_iter_mut().try_for_each(|trial| {
+            if stopped.load(Ordering::Relaxed) {
+                return Ok(());
+            }
             let start = &starts[trial.index];
             let mut objective = Objective::new(footage, prior.clone(), &cautious, target, start, 1)?;
             let route = Route {
@@ -298,16 +325,20 @@ pub fn short_solves(
                 &trial.estimate,
                 &options,
                 &route,
-                &mut Progress::new(observer),
+                &mut Progress::new(&observer),
             )?;
             trial.take(descent, round == 0);
             Ok::<_, SolveError>(())
         })?;
+        tracing::debug!("round {round}: {} starts solved", trials.len());
         // Stable, so that ties keep the order of the starts.
         trials.sort_by(|a, b| a.objectives.1.total_cmp(&b.objectives.1));
         let kept = trials.len().div_ceil(2);
         if round + 1 < SHORT_SOLVE_STEPS.len() {
             given_up.extend(trials.drain(kept..));
+        }
+        if stopped.load(Ordering::Relaxed) {
+            break;
         }
     }
     let best = trials.first().ok_or(SolveError::NoStart)?;
@@ -317,6 +348,7 @@ pub fn short_solves(
     Ok(ShortSolves {
         estimate,
         chosen,
+        interrupted: stopped.into_inner(),
         objectives: trials.iter().map(|trial| trial.objectives).collect(),
         seconds: vec![
             ("hypotheses".to_owned(), began.elapsed().as_secs_f64()),
@@ -350,6 +382,42 @@ impl Trial {
         self.trace.extend(descent.trace);
         self.cpu_seconds += descent.cpu_seconds;
     }
+}
+
+/// A start as the solution, with its objective: what there is once the observer has stopped the short solves.
+fn unrefined(
+    footage: &Footage,
+    prior: &Arc<dyn ShapePrior>,
+    target: usize,
+    start: &Estimate,
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+    _: &Observer,
+) -> Result<Solution, SolveError> {
+    let mut objective = Objective::new(
+        footage,
+        prior.clone(),
+        objective_options,
+        target,
+        start,
+        options.threads,
+    )?;
+    let visibility = objective.visibility(start, 0)?;
+    let objective = objective.evaluate(start, &visibility)?;
+    Ok(Solution {
+        estimate: start.clone(),
+        free_form: Vec::new(),
+        canonical_from_shape: None,
+        objective_start: objective,
+        objective_end: objective,
+        evaluations: Evaluations::default(),
+        iterations: 0,
+        termination: Termination::Interrupted,
+        hypotheses: Vec::new(),
+        steps: Vec::new(),
+        trace: Vec::new(),
+        seconds: Vec::new(),
+    })
 }
 
 /// Minimises Eq. 9 from one start, through the pyramid levels of `footage` from the coarsest on, at most `options.levels`. The solution is

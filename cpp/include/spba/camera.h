@@ -8,12 +8,9 @@
 
 #include <ceres/rotation.h>
 
-namespace spba {
+#include "spba/pinhole.h"
 
-// Intrinsics in pixels.
-struct Pinhole {
-  double fx, fy, cx, cy;
-};
+namespace spba {
 
 // Points nearer to the camera plane than this (object units) have no usable projection.
 constexpr double kMinDepth = 1e-4;

@@ -1,6 +1,8 @@
 //! Terms against sums by hand, and what goes into them.
 
 use super::*;
+use crate::objective::matcher::photometric_points;
+use crate::visibility::{Surfels, Visibility as Seen, visible_points};
 
 /// Eq. 5 by its definition: brute force over all pixels and points.
 #[test]
@@ -101,7 +103,7 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
     let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, &at);
     setting.at.alpha = 3.0;
     let points = setting.objective.points(&at);
-    let surfels = Surfels::among(&setting.objective.neighbourhoods, &points);
+    let surfels = Surfels::among(&setting.objective.matcher.neighbourhoods, &points);
     let mut expected = 0.0;
     for (l, frame) in sequence.frames.iter().enumerate() {
         let pose = at.camera_from_object[l];

@@ -124,8 +124,9 @@ impl Wave {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cad::sample_outside;
     use crate::cad::synthetic::toy_car;
-    use crate::cad::{mirror, sample_outside};
+    use crate::geometry::mirror;
 
     fn toys() -> Vec<Vec<f64>> {
         [0.1, 0.2]

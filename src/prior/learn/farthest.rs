@@ -1,6 +1,6 @@
 //! Farthest-point order: an order in which every prefix is an even sample of the whole.
 
-use crate::cad::mirror;
+use crate::geometry::mirror;
 use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;

@@ -24,8 +24,8 @@ pub use surface::{
     surface_prior,
 };
 
-use crate::cad::{Mesh, OutsideSample, mirror, sample_outside};
-use crate::geometry::tangent_plane;
+use crate::cad::{Mesh, OutsideSample, sample_outside};
+use crate::geometry::{mirror, tangent_plane};
 use farthest::{farthest_order, farthest_order_mirrored};
 use nalgebra::Vector3;
 use rayon::prelude::*;

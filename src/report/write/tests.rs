@@ -80,7 +80,7 @@ fn the_folder_is_complete_and_reads_back() {
     let shape = read_shape(&out.join("shape.ply")).unwrap();
     assert_eq!(shape.len(), 3000);
     // Both frames are offered, and object_from_input joins them.
-    let join = object_from_input(&sequence, &solution.estimate).unwrap();
+    let join = solution.estimate.object_from_input(&sequence).unwrap();
     for (object, input) in shape
         .iter()
         .zip(read_shape(&out.join("shape_input.ply")).unwrap())
@@ -129,7 +129,7 @@ fn result_json_has_exactly_the_documented_keys() {
 fn object_from_input_obeys_eq_10() {
     let surface = Surface::from_points(box_car(300));
     let (sequence, solution) = solved(&surface, 3);
-    let join = object_from_input(&sequence, &solution.estimate).unwrap();
+    let join = solution.estimate.object_from_input(&sequence).unwrap();
     assert!((join.scale - 0.4).abs() < 1e-12);
     for (l, frame) in sequence.frames.iter().enumerate() {
         let x_input = crate::geometry::Vector3::new(0.3, -0.7, 1.1);
