@@ -102,6 +102,20 @@ State ReadStart(const std::string& path, const std::vector<samples::Frame>& fram
   return state;
 }
 
+// The same camera before the same shape in another frame and unit: R' = R R_c^T, t' = s t - R' t_c.
+spba::Rigid3 Before(const spba::Rigid3& pose, const spba::Sim3& canonical_from_shape) {
+  const auto& q = canonical_from_shape.quaternion_wxyz;
+  const double inverse[4] = {q[0], -q[1], -q[2], -q[3]};
+  spba::Rigid3 moved;
+  ceres::QuaternionProduct(pose.quaternion_wxyz.data(), inverse, moved.quaternion_wxyz.data());
+  double offset[3];
+  ceres::QuaternionRotatePoint(moved.quaternion_wxyz.data(), canonical_from_shape.translation.data(), offset);
+  for (std::size_t i = 0; i < 3; ++i) {
+    moved.translation[i] = canonical_from_shape.scale * pose.translation[i] - offset[i];
+  }
+  return moved;
+}
+
 void Run(const std::string& folder, const std::string& prior_path, const std::string& start_path) {
   const std::vector<samples::Frame> frames = samples::ReadFrames(folder);
   const spba::Prior prior = spba::Prior::Load(prior_path);
@@ -137,7 +151,10 @@ void Run(const std::string& folder, const std::string& prior_path, const std::st
       std::cerr << (free_cameras ? "cameras" : "object") << " step " << step << ": cost " << cost << "\n";
     }
   }
-  const spba::Estimate found = spba::functors::EstimateOf(state.blocks(), styles);
+  spba::Estimate found = spba::functors::EstimateOf(state.blocks(), styles);
+  if (const auto canonical_from_shape = prior.CanonicalFromShape(state.style)) {
+    for (spba::Rigid3& pose : found.cam_from_object) pose = Before(pose, *canonical_from_shape);
+  }
   for (std::size_t l = 0; l < frames.size(); ++l) {
     const spba::Rigid3& pose = found.cam_from_object[l];
     std::printf("frame %s", frames[l].name.c_str());

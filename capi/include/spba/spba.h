@@ -120,6 +120,19 @@ SPBA_API int32_t spba_prior_is_linear(const spba_prior* prior);
 SPBA_API spba_code spba_prior_evaluate(const spba_prior* prior, const double* style, uint32_t point_count,
                                        double* points, double* jacobian);
 
+/* x_b = scale R x_a + t. */
+typedef struct spba_similarity {
+  double scale;
+  double quaternion_wxyz[4];
+  double translation[3];
+} spba_similarity;
+
+/* From the frame of X(s) to the object frame, where the shape tells it: for a prior of surfaces, which knows
+ * the whole body's box. SPBA_NOT_THERE: X(s) is in the object frame. A spba_solution is in the object frame
+ * already. */
+SPBA_API spba_code spba_prior_canonical_from_shape(const spba_prior* prior, const double* style,
+                                                   spba_similarity* canonical_from_shape);
+
 /* ---- Options ---- */
 
 typedef struct spba_options spba_options;
@@ -191,13 +204,6 @@ typedef struct spba_summary {
   double alpha;        /* object diagonals a unit of the host's poses and depths */
   double focal_factor; /* by which all focal lengths were multiplied; 1 where they were held */
 } spba_summary;
-
-/* x_b = scale R x_a + t. */
-typedef struct spba_similarity {
-  double scale;
-  double quaternion_wxyz[4];
-  double translation[3];
-} spba_similarity;
 
 SPBA_API spba_code spba_solution_summary(const spba_solution* solution, spba_summary* summary);
 /* Frames are counted as they were added. Translation in object diagonals. */

@@ -239,6 +239,20 @@ class Prior {
                                         jacobian == nullptr ? nullptr : jacobian->data()));
   }
 
+  // From the frame of X(s) to the object frame; none where they are the same (spba.h).
+  std::optional<Sim3> CanonicalFromShape(const std::vector<double>& style) const {
+    if (style.size() != style_count()) throw Error(Code::kInvalidInput, "style: give one number a style");
+    spba_similarity similarity{};
+    const spba_code code = spba_prior_canonical_from_shape(handle_.get(), style.data(), &similarity);
+    if (code == SPBA_NOT_THERE) return std::nullopt;
+    internal::Check(code);
+    Sim3 sim3;
+    sim3.scale = similarity.scale;
+    for (std::size_t i = 0; i < 4; ++i) sim3.quaternion_wxyz[i] = similarity.quaternion_wxyz[i];
+    for (std::size_t i = 0; i < 3; ++i) sim3.translation[i] = similarity.translation[i];
+    return sim3;
+  }
+
   const spba_prior* c() const { return handle_.get(); }
 
  private:

@@ -11,7 +11,9 @@ mod sequence;
 mod solution;
 mod solve;
 
+use spba_ceres::geometry::{Pose, Similarity};
 use spba_host::fault::{Code, Fault};
+use spba_host::frames::CPose;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -54,6 +56,27 @@ fn words(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "panicked".to_owned())
+}
+
+#[repr(C)]
+struct CSimilarity {
+    scale: f64,
+    quaternion_wxyz: [f64; 4],
+    translation: [f64; 3],
+}
+
+impl From<&Similarity> for CSimilarity {
+    fn from(similarity: &Similarity) -> Self {
+        let rigid = CPose::from(&Pose {
+            rotation: similarity.rotation,
+            translation: similarity.translation,
+        });
+        Self {
+            scale: similarity.scale,
+            quaternion_wxyz: rigid.quaternion_wxyz,
+            translation: rigid.translation,
+        }
+    }
 }
 
 fn null(what: &str) -> Fault {

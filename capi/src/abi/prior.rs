@@ -1,6 +1,6 @@
 //! Shape priors.
 
-use super::{free, give, guarded, reference, sized, slice, text};
+use super::{CSimilarity, free, give, guarded, reference, reference_mut, sized, slice, text};
 use spba_ceres::prior::{LearnedPrior, LinearPrior, ShapePrior, check_unit, load};
 use spba_host::fault::Fault;
 use std::ffi::c_char;
@@ -80,6 +80,23 @@ unsafe extern "C" fn spba_prior_point_count(prior: *const Prior) -> u32 {
 unsafe extern "C" fn spba_prior_is_linear(prior: *const Prior) -> i32 {
     // SAFETY: as of the module above.
     unsafe { prior.as_ref() }.map_or(0, |prior| i32::from(prior.0.is_linear()))
+}
+
+#[unsafe(no_mangle)]
+unsafe extern "C" fn spba_prior_canonical_from_shape(
+    prior: *const Prior,
+    style: *const f64,
+    canonical_from_shape: *mut CSimilarity,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: as of the module above, here and below.
+        let prior = &unsafe { reference(prior, "prior") }?.0;
+        let style = unsafe { slice(style, prior.style_len(), "style") }?;
+        let found = prior.canonical_from_shape(style, &[]);
+        let found = found.ok_or(Fault::NotThere("canonical_from_shape"))?;
+        *unsafe { reference_mut(canonical_from_shape, "canonical_from_shape") }? = CSimilarity::from(&found);
+        Ok(())
+    })
 }
 
 #[unsafe(no_mangle)]

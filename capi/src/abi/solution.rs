@@ -1,7 +1,6 @@
 //! What a solve found.
 
-use super::{free, guarded, of_frame, reference, reference_mut, sized};
-use spba_ceres::geometry::Pose;
+use super::{CSimilarity, free, guarded, of_frame, reference, reference_mut, sized};
 use spba_ceres::solver::Termination;
 use spba_host::fault::Fault;
 use spba_host::frames::CPose;
@@ -21,13 +20,6 @@ struct CSummary {
     objective_end: f64,
     alpha: f64,
     focal_factor: f64,
-}
-
-#[repr(C)]
-struct CSimilarity {
-    scale: f64,
-    quaternion_wxyz: [f64; 4],
-    translation: [f64; 3],
 }
 
 #[unsafe(no_mangle)]
@@ -101,15 +93,7 @@ unsafe extern "C" fn spba_solution_object_from_world(
         // SAFETY: as of the module above, here and below.
         let found = unsafe { reference(solution, "solution") }?.object_from_world;
         let found = found.ok_or(Fault::NotThere("object_from_world"))?;
-        let rigid = CPose::from(&Pose {
-            rotation: found.rotation,
-            translation: found.translation,
-        });
-        *unsafe { reference_mut(object_from_world, "object_from_world") }? = CSimilarity {
-            scale: found.scale,
-            quaternion_wxyz: rigid.quaternion_wxyz,
-            translation: rigid.translation,
-        };
+        *unsafe { reference_mut(object_from_world, "object_from_world") }? = CSimilarity::from(&found);
         Ok(())
     })
 }
