@@ -105,8 +105,6 @@ fn compile(
         // An unoptimised Eigen is fifty times slower, in tests too.
         .opt_level(3)
         .flags(["-Wall", "-Wextra", "-Werror"])
-        // Line tables alone: whole debug information makes every test program ten times as large.
-        .flag("-g1")
         // A root needs no call for the sake of errno.
         .flag("-fno-math-errno")
         // Lines alone: Ceres' templates described in full are a hundred megabytes in each of thirty programs.

@@ -39,7 +39,7 @@ struct Triple {
 }
 
 impl Triple {
-    /// A scale that is 2 % wrong moves a camera by 3.4 %; `objective.silhouette_agreement` makes it so.
+    /// A scale that is 2 % wrong moves a camera by 3.4 %.
     fn is_right(&self) -> bool {
         self.orientation < 1.0 && self.location < 4.0 && self.depth < 0.01
     }

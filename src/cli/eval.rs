@@ -6,7 +6,9 @@ use serde::Serialize;
 use spba_ceres::eval::{Estimated, MeanMax, Platform, TruthErrors, TurnErrors, TurnTable, against_truth};
 use spba_ceres::geometry::Rotation3;
 use spba_ceres::image::{mask_of, read_depth, read_mask};
-use spba_ceres::report::{RunResult, density, file_stems, read_shape, silhouette_iou};
+use spba_ceres::report::{
+    RunResult, density, file_stems, hole_share, outside_share, read_shape, silhouette_iou,
+};
 use spba_ceres::sequence::{LoadOptions, Sequence, load};
 use std::path::{Path, PathBuf};
 
@@ -31,7 +33,8 @@ pub struct Args {
     /// When each image was taken (times.txt: image, seconds)
     #[arg(long, value_name = "FILE", requires = "turn")]
     times: Option<PathBuf>,
-    /// Folder of masks named like PATH's frames: how well the masks of PATH, a sequence, agree with them
+    /// Folder of masks named like PATH's frames: how well the masks of PATH, a sequence, or the shape of PATH, a result, agree with
+    /// them
     #[arg(long, value_name = "FOLDER")]
     masks: Option<PathBuf>,
     /// What PATH, a result, was solved from, to measure it beside the result [default: with --truth, the input that the
@@ -44,13 +47,15 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    if let Some(folder) = &args.masks {
-        return mask_columns(args, folder);
-    }
     let result = match args.path.join("result.json").exists() {
         true => Some(RunResult::load(&args.path)?),
         false => None,
     };
+    match (&args.masks, &result) {
+        (Some(folder), Some(result)) => return shape_columns(args, result, folder),
+        (Some(folder), None) => return mask_columns(args, folder),
+        (None, _) => {}
+    }
     ensure!(
         result.is_some() || args.input.is_none(),
         "--input: {} is no result, so that it is measured itself; leave --input out",
@@ -110,6 +115,58 @@ fn mask_columns(args: &Args, folder: &Path) -> anyhow::Result<()> {
     line("mean", mean(&|row| row.iou), mean(&|row| row.depth_share));
     let least = |value: &dyn Fn(&Row) -> f64| rows.iter().map(value).fold(f64::INFINITY, f64::min);
     line("min", least(&|row| row.iou), least(&|row| row.depth_share));
+    Ok(())
+}
+
+/// Pixels by which a shape must miss a mask to be outside it.
+const OUTSIDE_BEYOND_PX: u8 = 3;
+
+/// How each frame's shape, as far as its depth goes, fits that frame's mask.
+fn shape_columns(args: &Args, result: &RunResult, folder: &Path) -> anyhow::Result<()> {
+    #[derive(Serialize)]
+    struct Row {
+        frame: String,
+        iou: f64,
+        outside_share: f64,
+        hole_share: f64,
+    }
+    let stems = file_stems(result.frames.iter().map(|frame| frame.name.as_str()));
+    let mut rows = Vec::new();
+    for (frame, stem) in result.frames.iter().zip(&stems) {
+        let mask = read_mask(&mask_of(folder, &frame.name))?;
+        let shape = read_depth(&args.path.join("depth").join(format!("{stem}.exr")))?.known();
+        ensure!(
+            mask.size() == shape.size(),
+            "frame {}: its depth is {:?} pixels, the mask in {} {:?}; give the masks of what was solved",
+            frame.name,
+            shape.size(),
+            folder.display(),
+            mask.size()
+        );
+        rows.push(Row {
+            frame: frame.name.clone(),
+            iou: silhouette_iou(&shape, &mask),
+            outside_share: outside_share(&shape, &mask, OUTSIDE_BEYOND_PX),
+            hole_share: hole_share(&mask, &shape),
+        });
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&rows)?);
+        return Ok(());
+    }
+    let outside = format!("outside by > {OUTSIDE_BEYOND_PX} px, %");
+    println!("{:<32}{:>10}{outside:>24}{:>12}", "frame", "IoU", "holes, %");
+    let line = |name: &str, [iou, outside, holes]: [f64; 3]| {
+        println!(
+            "{name:<32}{iou:>10.3}{:>24.2}{:>12.2}",
+            100.0 * outside,
+            100.0 * holes
+        );
+    };
+    let cells = |row: &Row| [row.iou, row.outside_share, row.hole_share];
+    rows.iter().for_each(|row| line(&row.frame, cells(row)));
+    let mean = [0, 1, 2].map(|k| rows.iter().map(|row| cells(row)[k]).sum::<f64>() / rows.len() as f64);
+    line("mean", mean);
     Ok(())
 }
 

@@ -440,6 +440,7 @@ fn summarise(solution: &Solution, written: &report::Written, is_mesh: bool) {
     }
     println!("silhouette IoU   {:.3}", result.silhouette_iou_mean);
     println!("density          {:.3}", result.density_mean);
+    print_deviations(result);
     let seconds: Vec<String> = solution
         .seconds
         .iter()
@@ -459,5 +460,19 @@ fn summarise(solution: &Solution, written: &report::Written, is_mesh: bool) {
     println!(
         "pictures         {}, {folder}/overlay/",
         written.contact_sheet.display()
+    );
+}
+/// How sure the cameras are, on average, and the shape, where that is known.
+fn print_deviations(result: &RunResult) {
+    let Some(cameras) = result.mean_camera_deviation() else {
+        return;
+    };
+    let shape = result.shape_deviation_median.map_or_else(String::new, |shape| {
+        format!("; shape {:.2} % (median)", 100.0 * shape)
+    });
+    println!(
+        "deviation        cameras {:.2} deg, {:.2} % of the diagonal{shape}",
+        cameras.rotation_deg,
+        100.0 * cameras.location,
     );
 }

@@ -4,7 +4,7 @@
 #[cfg(feature = "cad")]
 use super::learn::spacing;
 use super::linear::InvalidPrior;
-use super::surface::{FreeForm, SurfacePrior};
+use super::surface::{FrameDerivative, FreeForm, SurfacePrior};
 use super::{LinearPrior, ShapePrior};
 use crate::geometry::Similarity;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Vector3};
@@ -166,6 +166,10 @@ impl ShapePrior for LearnedPrior {
 
     fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {
         self.surface()?.canonical_from_shape(style, free_form)
+    }
+
+    fn canonical_by_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Vec<FrameDerivative>> {
+        self.surface()?.canonical_by_shape(style, free_form)
     }
 
     fn freed(&self, form: FreeForm) -> Result<Option<Arc<dyn ShapePrior>>, InvalidPrior> {

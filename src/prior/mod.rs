@@ -36,7 +36,7 @@ pub use linear::{InvalidPrior, LinearPrior};
 pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, subdivided, write_mesh};
 #[cfg(feature = "cad")]
 pub use sheet::contact_sheet;
-pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
+pub use surface::{FrameDerivative, FreeForm, SurfacePoint, SurfacePrior};
 
 use crate::geometry::Similarity;
 use std::sync::Arc;
@@ -66,6 +66,12 @@ pub trait ShapePrior: Send + Sync {
     /// From the frame of X(s), bent by the free form of coordinates g, to the canonical frame, where the shape itself tells: a prior of
     /// surfaces knows the whole body's box. `None`: X(s) is taken to be in it.
     fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {
+        let _ = (style, free_form);
+        None
+    }
+
+    /// The derivative of [`ShapePrior::canonical_from_shape`] by each of (s, g), where there is one.
+    fn canonical_by_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Vec<FrameDerivative>> {
         let _ = (style, free_form);
         None
     }

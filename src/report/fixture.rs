@@ -128,6 +128,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
     let solution = Solution {
         estimate,
         free_form: Vec::new(),
+        deviations: None,
         canonical_from_shape: None,
         objective_start: objective(9.0),
         objective_end: objective(4.0),

@@ -1,5 +1,5 @@
-//! The mesh as binary glTF 2.0 (`mesh.glb`): positions, normals, texture coordinates and triangles, one material with the texture,
-//! everything inside.
+//! The mesh as binary glTF 2.0 (`mesh.glb`): positions, normals, texture coordinates, where they are known standard deviations
+//! (`_DEVIATION`, in the positions' unit), and triangles, one material with the texture, everything inside.
 
 use super::ReportError;
 use super::surface::UnwrappedMesh;
@@ -24,11 +24,11 @@ const NAME: &str = "object";
 /// Of paint that is neither mirror nor chalk; the texture holds what light did.
 const ROUGHNESS: f32 = 0.9;
 
-/// Writes `mesh` with its texture (sRGB, as frames show it, first row at the top). `frame` says what the coordinates are; it becomes the
+/// Writes `mesh` with its vertices' deviations (none where they are unknown; those beyond its vertices are not read) and its texture (sRGB, as frames show it, first row at the top). `frame` says what the coordinates are; it becomes the
 /// asset's extra of that name. Where the object's size is known, the node scales it to glTF's unit, the metre.
 pub(super) fn write_mesh(
     path: &Path,
-    mesh: &UnwrappedMesh,
+    (mesh, deviations): (&UnwrappedMesh, &[f64]),
     colours: &image::RgbImage,
     frame: &str,
     metres_per_unit: Option<f64>,
@@ -37,13 +37,13 @@ pub(super) fn write_mesh(
     colours
         .write_to(&mut png, image::ImageFormat::Png)
         .map_err(|error| ReportError::format(path, error))?;
-    let bytes = to_bytes(mesh, png.into_inner(), frame, metres_per_unit)
+    let bytes = to_bytes((mesh, deviations), png.into_inner(), frame, metres_per_unit)
         .map_err(|error| ReportError::format(path, error))?;
     std::fs::write(path, bytes).map_err(ReportError::io(path))
 }
 
 fn to_bytes(
-    mesh: &UnwrappedMesh,
+    (mesh, deviations): (&UnwrappedMesh, &[f64]),
     png: Vec<u8>,
     frame: &str,
     metres_per_unit: Option<f64>,
@@ -67,12 +67,17 @@ fn to_bytes(
     (accessor.min, accessor.max) = (Some(Value::from(low.to_vec())), Some(Value::from(high.to_vec())));
     let normal = parts.attribute(&vectors(&mesh.normals), Type::Vec3);
     let at = parts.attribute(&corners.texture_coordinates, Type::Vec2);
-    let indices = parts.indices(&corners.faces);
-    let attributes = [
+    let mut attributes = vec![
         (Semantic::Positions, position),
         (Semantic::Normals, normal),
         (Semantic::TexCoords(0), at),
     ];
+    if deviations.len() >= mesh.vertices.len() {
+        let each = corners.vertices.iter().map(|&v| [deviations[v as usize] as f32]);
+        let deviation = parts.attribute(&each.collect::<Vec<_>>(), Type::Scalar);
+        attributes.push((Semantic::Extras("DEVIATION".to_owned()), deviation));
+    }
+    let indices = parts.indices(&corners.faces);
     parts.finish(attributes, indices, png, (frame, metres_per_unit))
 }
 
@@ -199,7 +204,7 @@ impl Parts {
     /// The file.
     fn finish(
         mut self,
-        attributes: [(Semantic, Index<Accessor>); 3],
+        attributes: Vec<(Semantic, Index<Accessor>)>,
         indices: Index<Accessor>,
         png: Vec<u8>,
         (frame, metres_per_unit): (&str, Option<f64>),
@@ -300,7 +305,7 @@ mod tests {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("mesh.glb");
         let colours = image::RgbImage::from_fn(3, 5, |x, y| image::Rgb([10 * x as u8, y as u8, 255]));
-        write_mesh(&path, &mesh, &colours, "a frame", Some(4.5)).unwrap();
+        write_mesh(&path, (&mesh, &[]), &colours, "a frame", Some(4.5)).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes.len() % 4, 0);
         assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());

@@ -33,7 +33,7 @@ use doubts::style_length;
 pub use doubts::{Doubts, doubts};
 pub use folder::{check_out, file_stems};
 pub(crate) use nearest::Neighbours;
-pub use overlap::{density, silhouette_iou};
+pub use overlap::{density, hole_share, outside_share, silhouette_iou};
 pub use page::{as_solved, write_page};
 pub use ply::read_shape;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};

@@ -1,6 +1,6 @@
 //! How well the projected shape covers the given silhouette: IoU and density.
 
-use crate::image::Mask;
+use crate::image::{Grid, Mask, NearestPixel};
 
 /// |a ∩ b| / |a ∪ b|; 0 where both are empty. The rasters share their top-left pixel; where one is smaller, its
 /// missing pixels are background.
@@ -13,6 +13,45 @@ pub fn silhouette_iou(a: &Mask, b: &Mask) -> f64 {
 /// [`Surface`](super::Surface)): |mask ∩ covered| / |mask|; 0 for an empty mask.
 pub fn density(mask: &Mask, covered: &Mask) -> f64 {
     ratio(intersection(mask, covered), area(mask))
+}
+
+/// The share of the shape's pixels that are more than `beyond_px` pixels away from the mask; 0 for an empty shape, 1 for an empty mask.
+pub fn outside_share(shape: &Mask, mask: &Mask, beyond_px: u8) -> f64 {
+    let Some(nearest) = NearestPixel::new(mask) else {
+        return ratio(area(shape), area(shape));
+    };
+    let distances = nearest.distances();
+    let beyond = Grid::from_fn(mask.width(), mask.height(), |column, row| {
+        distances[(column, row)] > beyond_px
+    });
+    ratio(intersection(shape, &beyond), area(shape))
+}
+
+/// The share of the mask's pixels that lie in holes of the shape: not covered, and cut off by it from the image's border.
+pub fn hole_share(mask: &Mask, shape: &Mask) -> f64 {
+    let (width, height) = shape.size();
+    let mut open: Vec<bool> = shape.data().iter().map(|on| !on).collect();
+    let on_border =
+        |i: usize| i % width == 0 || i % width == width - 1 || i < width || i >= width * (height - 1);
+    let mut stack: Vec<usize> = (0..open.len()).filter(|&i| open[i] && on_border(i)).collect();
+    stack.iter().for_each(|&i| open[i] = false);
+    while let Some(i) = stack.pop() {
+        let (column, row) = (i % width, i / width);
+        let neighbours = [
+            (column > 0).then(|| i - 1),
+            (column + 1 < width).then(|| i + 1),
+            (row > 0).then(|| i - width),
+            (row + 1 < height).then(|| i + width),
+        ];
+        for neighbour in neighbours.into_iter().flatten() {
+            if open[neighbour] {
+                open[neighbour] = false;
+                stack.push(neighbour);
+            }
+        }
+    }
+    let holes = Grid::from_fn(width, height, |column, row| open[row * width + column]);
+    ratio(intersection(mask, &holes), area(mask))
 }
 
 fn area(mask: &Mask) -> usize {
@@ -52,6 +91,26 @@ mod tests {
         assert_eq!(density(&covered, &given), 0.6);
         assert_eq!(silhouette_iou(&columns(0..0), &columns(0..0)), 0.0);
         assert_eq!(density(&columns(0..0), &covered), 0.0);
+    }
+
+    #[test]
+    fn outside_is_what_lies_beyond_the_margin() {
+        let (mask, shape) = (columns(0..4), columns(2..9));
+        // The last column inside is 3: columns 6, 7 and 8 are more than two pixels away.
+        assert_eq!(outside_share(&shape, &mask, 2), 3.0 / 7.0);
+        assert_eq!(outside_share(&shape, &shape, 0), 0.0);
+        assert_eq!(outside_share(&shape, &columns(0..0), 2), 1.0);
+        assert_eq!(outside_share(&columns(0..0), &mask, 2), 0.0);
+    }
+
+    #[test]
+    fn holes_are_closed_by_the_shape() {
+        let picture = ["#########.", "#..##.###.", "####...#..", "####.####."];
+        let shape = Grid::from_fn(10, 4, |column, row| picture[row].as_bytes()[column] == b'#');
+        // Two pixels of 40 are enclosed; the others reach the border below.
+        assert_eq!(hole_share(&columns(0..10), &shape), 2.0 / 40.0);
+        assert_eq!(hole_share(&columns(0..2), &shape), 1.0 / 8.0);
+        assert_eq!(hole_share(&columns(0..0), &shape), 0.0);
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! The shape as a binary little-endian PLY that every viewer opens: `float x y z nx ny nz`, `uchar red green blue`, and of a mesh the
-//! faces: `list uchar uint vertex_indices`.
+//! The shape as a binary little-endian PLY that every viewer opens: `float x y z nx ny nz`, `uchar red green blue`, where it is known `float
+//! deviation`, and of a mesh the faces: `list uchar uint vertex_indices`.
 
 use super::ReportError;
 use crate::geometry::Vector3;
@@ -12,12 +12,19 @@ use ply_rs_bw::writer::Writer;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Writes points, normals and colours, with `comments` in the header (one line each), and the faces of a mesh over the points.
+/// What a file says of each vertex.
+pub(super) struct Vertices<'a> {
+    pub points: &'a [Vector3<f64>],
+    pub normals: &'a [Vector3<f64>],
+    pub colours: &'a [[u8; 3]],
+    /// Standard deviations, in the points' unit; empty where they are not known.
+    pub deviations: &'a [f64],
+}
+
+/// Writes the vertices, with `comments` in the header (one line each), and the faces of a mesh over them.
 pub(super) fn write_shape(
     path: &Path,
-    points: &[Vector3<f64>],
-    normals: &[Vector3<f64>],
-    colours: &[[u8; 3]],
+    vertices: &Vertices,
     faces: Option<&[[u32; 3]]>,
     comments: &[String],
 ) -> Result<(), ReportError> {
@@ -25,8 +32,10 @@ pub(super) fn write_shape(
     for (names, scalar) in [
         (&["x", "y", "z", "nx", "ny", "nz"][..], ScalarType::Float),
         (&["red", "green", "blue"], ScalarType::UChar),
+        (&[DEVIATION], ScalarType::Float),
     ] {
-        for name in names {
+        let unknown = vertices.deviations.is_empty();
+        for name in names.iter().filter(|name| !(unknown && **name == DEVIATION)) {
             let kind = PropertyType::Scalar(scalar.clone());
             vertex.properties.add(PropertyDef::new((*name).to_owned(), kind));
         }
@@ -35,18 +44,24 @@ pub(super) fn write_shape(
     ply.header.encoding = Encoding::BinaryLittleEndian;
     ply.header.comments = comments.to_vec();
     ply.header.elements.add(vertex);
-    let vertices = points
+    let elements = vertices
+        .points
         .iter()
-        .zip(normals)
-        .zip(colours)
-        .map(|((point, normal), &colour)| Element {
+        .zip(vertices.normals)
+        .zip(vertices.colours)
+        .enumerate()
+        .map(|(i, ((point, normal), &colour))| Element {
             position: point.map(|c| c as f32).into(),
             normal: normal.map(|c| c as f32).into(),
             colour,
+            deviation: vertices
+                .deviations
+                .get(i)
+                .map_or(0.0, |&deviation| deviation as f32),
             corners: [0; 3],
         })
         .collect();
-    ply.payload.insert("vertex".to_owned(), vertices);
+    ply.payload.insert("vertex".to_owned(), elements);
     if let Some(faces) = faces {
         let mut face = ElementDef::new("face".to_owned());
         let kind = PropertyType::List(ScalarType::UChar, ScalarType::UInt);
@@ -109,6 +124,7 @@ fn read_vertices(path: &Path) -> Result<Vec<Element>, ReportError> {
 }
 
 const CORNERS: &str = "vertex_indices";
+const DEVIATION: &str = "deviation";
 
 /// A vertex, or a face, of which the corners alone count.
 #[derive(Default)]
@@ -116,6 +132,7 @@ struct Element {
     position: [f32; 3],
     normal: [f32; 3],
     colour: [u8; 3],
+    deviation: f32,
     corners: [u32; 3],
 }
 
@@ -154,6 +171,7 @@ impl PropertyAccess for Element {
             "nx" => self.normal[0],
             "ny" => self.normal[1],
             "nz" => self.normal[2],
+            DEVIATION => self.deviation,
             _ => return None,
         })
     }
@@ -184,9 +202,12 @@ mod tests {
         let (normals, colours) = ([Vector3::x(), Vector3::y()], [[255, 1, 2], [3, 4, 5]]);
         write_shape(
             &path,
-            &points,
-            &normals,
-            &colours,
+            &Vertices {
+                points: &points,
+                normals: &normals,
+                colours: &colours,
+                deviations: &[],
+            },
             None,
             &["frame: object".to_owned()],
         )

@@ -3,7 +3,7 @@
 use super::ReportError;
 use super::write::{FARTHEST, SCALES};
 use crate::geometry::{Matrix3, Pose, Rotation3, Similarity, Vector3};
-use crate::solver::{Evaluations, HypothesisOutcome, ObjectiveValue, Termination};
+use crate::solver::{CameraDeviation, Evaluations, HypothesisOutcome, ObjectiveValue, Termination};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -45,6 +45,9 @@ pub struct RunResult {
     pub objective: ObjectiveSpan,
     pub silhouette_iou_mean: f64,
     pub density_mean: f64,
+    /// Half of the shape's points have a smaller standard deviation; `None` where nothing says so.
+    #[serde(default)]
+    pub shape_deviation_median: Option<f64>,
     /// Names of the frames whose masks were decided anew where the shape did not explain them.
     #[serde(default)]
     pub masks_anew: Vec<String>,
@@ -71,6 +74,9 @@ pub struct FrameResult {
     pub silhouette_iou: f64,
     /// The share of the given mask's pixels that visible projected points cover.
     pub density: f64,
+    /// How sure the camera's pose is; `None` where nothing says so.
+    #[serde(default)]
+    pub deviation: Option<CameraDeviation>,
 }
 
 /// x_object = scale · rotation x_input + translation.
@@ -89,6 +95,18 @@ pub struct ObjectiveSpan {
     pub end: ObjectiveValue,
 }
 
+impl RunResult {
+    /// The mean over the frames of how sure the cameras are; `None` where nothing says so.
+    pub fn mean_camera_deviation(&self) -> Option<CameraDeviation> {
+        let known: Vec<CameraDeviation> = self.frames.iter().filter_map(|frame| frame.deviation).collect();
+        let mean = |of: fn(&CameraDeviation) -> f64| known.iter().map(of).sum::<f64>() / known.len() as f64;
+        (!known.is_empty()).then(|| CameraDeviation {
+            rotation_deg: mean(|of| of.rotation_deg),
+            location: mean(|of| of.location),
+        })
+    }
+}
+
 impl FrameResult {
     pub fn new(name: &str, camera_from_object: &Pose, silhouette_iou: f64, density: f64) -> Self {
         Self {
@@ -98,6 +116,7 @@ impl FrameResult {
             center: camera_from_object.center().into(),
             silhouette_iou,
             density,
+            deviation: None,
         }
     }
 

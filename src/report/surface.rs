@@ -19,6 +19,8 @@ pub struct Surface {
     normals: Vec<Vector3<f64>>,
     facets: Vec<[u32; 3]>,
     spacing: f64,
+    /// By point, object units; empty where they are unknown.
+    deviations: Vec<f64>,
     /// Where the facets are those of one closed mesh: that mesh, before it was cut finer.
     mesh: Option<Arc<UnwrappedMesh>>,
 }
@@ -63,6 +65,12 @@ impl UnwrappedMesh {
             .map(|(&vertex, weight)| of[vertex as usize] * f64::from(weight))
             .sum()
     }
+}
+
+/// Values of a mesh's vertices, and after them those of the middles of its edges, as [`subdivided`] orders them.
+fn at_middles(values: &[f64], faces: &[[u32; 3]]) -> Vec<f64> {
+    let along_x: Vec<_> = values.iter().map(|&x| Vector3::new(x, 0.0, 0.0)).collect();
+    subdivided(&along_x, faces).0.iter().map(|v| v.x).collect()
 }
 
 /// Unit normals of the vertices, weighted by area.
@@ -129,11 +137,12 @@ impl Surface {
             ),
             points,
             normals,
+            deviations: Vec::new(),
             mesh: None,
         }
     }
 
-    /// `mesh` with each of its faces cut into four for the sake of colours; the vertices of these are the points.
+    /// `mesh` with each of its faces cut into four for the sake of colours; the vertices of these are the points, the mesh's own first.
     pub fn from_mesh(mesh: UnwrappedMesh) -> Self {
         let (points, facets) = subdivided(&mesh.vertices, &mesh.faces);
         let lengths = facets.iter().flat_map(|&[a, b, c]| {
@@ -144,6 +153,7 @@ impl Surface {
             spacing: median(lengths),
             points,
             facets,
+            deviations: Vec::new(),
             mesh: Some(Arc::new(mesh)),
         }
     }
@@ -164,7 +174,18 @@ impl Surface {
     /// The shape that was found, in the object frame.
     pub fn of(prior: &LearnedPrior, solution: &Solution) -> Self {
         let canonical = solution.canonical_from_shape.as_ref();
-        Self::of_shape(prior, &solution.estimate.style, &solution.free_form, canonical)
+        let (style, form) = (&solution.estimate.style, &solution.free_form);
+        let found = Self::of_shape(prior, style, form, canonical);
+        let deviations = match (prior.surface(), &solution.deviations) {
+            (Some(prior), Some(known)) => prior
+                .vertex_deviations(style, form, &known.shape, &known.frame)
+                .map(|of| at_middles(&of, &prior.mesh().faces())),
+            _ => None,
+        };
+        Self {
+            deviations: deviations.unwrap_or_default(),
+            ..found
+        }
     }
 
     fn of_shape(
@@ -207,6 +228,11 @@ impl Surface {
     /// Unit normals, one per point, mostly outward.
     pub fn normals(&self) -> &[Vector3<f64>] {
         &self.normals
+    }
+
+    /// Standard deviations of the points, root mean square over all directions, object units; empty where they are unknown.
+    pub fn deviations(&self) -> &[f64] {
+        &self.deviations
     }
 
     /// The median distance from a point to its nearest neighbour, object units.

@@ -4,6 +4,7 @@ use super::colmap::ColmapModel;
 use super::colour::{ColourGatherer, Colours};
 use super::folder::Staging;
 use super::page::{PAGE, write_page};
+use super::ply::Vertices;
 use super::sheet::Sheet;
 use super::texture::{Texture, TextureGatherer};
 use super::{Doubts, FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
@@ -81,12 +82,16 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     for (i, ((frame, pose), stem)) in sequence.frames.iter().zip(&poses).zip(&stems).enumerate() {
         let view = input.surface.render(&frame.camera, pose, frame.image.size());
         let silhouette = view.mask();
-        let result = FrameResult::new(
-            &frame.name,
-            pose,
-            silhouette_iou(&silhouette, &frame.mask),
-            density(&frame.mask, &silhouette),
-        );
+        let deviations = input.solution.deviations.as_ref();
+        let result = FrameResult {
+            deviation: deviations.and_then(|deviations| deviations.cameras.get(i).copied()),
+            ..FrameResult::new(
+                &frame.name,
+                pose,
+                silhouette_iou(&silhouette, &frame.mask),
+                density(&frame.mask, &silhouette),
+            )
+        };
         gatherer.add(frame, pose, input.surface, &view);
         if let Some(texture) = &mut texture {
             texture.add(frame, pose, &view, input.surface.spacing());
@@ -210,22 +215,26 @@ fn write_shapes(
     let frame = format!("object frame: {OBJECT_FRAME}");
     let comments = [frame.clone(), origin.clone()];
     let write = |name: &str, faces| {
-        let (points, normals) = (surface.points(), surface.normals());
-        ply::write_shape(
-            &folder.join(name),
-            points,
-            normals,
-            &colours.rgb,
-            faces,
-            &comments,
-        )
+        let vertices = Vertices {
+            points: surface.points(),
+            normals: surface.normals(),
+            colours: &colours.rgb,
+            deviations: surface.deviations(),
+        };
+        ply::write_shape(&folder.join(name), &vertices, faces, &comments)
     };
     write("shape.ply", None)?;
     if let Some(mesh) = surface.mesh() {
         write("mesh.ply", Some(surface.facets()))?;
         if let Some(texture) = texture {
             let path = folder.join("mesh.glb");
-            glb::write_mesh(&path, mesh, &texture.colours, &frame, metres_per_unit)?;
+            glb::write_mesh(
+                &path,
+                (mesh, surface.deviations()),
+                &texture.colours,
+                &frame,
+                metres_per_unit,
+            )?;
             save_png(&folder.join("mesh_origin.png"), &texture.origin_picture())?;
         }
     }
@@ -243,16 +252,17 @@ fn write_shapes(
         .iter()
         .map(|normal| input_from_object.rotation * normal)
         .collect();
+    let deviations = surface.deviations().iter();
+    let deviations: Vec<f64> = deviations.map(|x| input_from_object.scale * x).collect();
     let comments = ["frame: that of the input's poses, its units".to_owned(), origin];
     let write = |name: &str, faces| {
-        ply::write_shape(
-            &folder.join(name),
-            &points,
-            &normals,
-            &colours.rgb,
-            faces,
-            &comments,
-        )
+        let vertices = Vertices {
+            points: &points,
+            normals: &normals,
+            colours: &colours.rgb,
+            deviations: &deviations,
+        };
+        ply::write_shape(&folder.join(name), &vertices, faces, &comments)
     };
     write("shape_input.ply", None)?;
     match surface.mesh() {
@@ -296,6 +306,7 @@ fn summarise(
         },
         silhouette_iou_mean: mean(|frame| frame.silhouette_iou),
         density_mean: mean(|frame| frame.density),
+        shape_deviation_median: middle(input.surface.deviations()),
         masks_anew: input.masks_anew.to_vec(),
         frames,
         evaluations: solution.evaluations,
@@ -305,6 +316,12 @@ fn summarise(
         peak_memory_mb: input.peak_memory_mb,
         hypotheses: solution.hypotheses.clone(),
     }
+}
+
+fn middle(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied()
 }
 
 pub(super) fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {

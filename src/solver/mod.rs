@@ -1,11 +1,13 @@
 //! Algorithm 1, the joint solve, the scale α (Eq. 8), stopping, and progress events.
 
 mod descent;
+mod deviations;
 mod options;
 mod progress;
 mod scale;
 mod solution;
 
+pub use deviations::{CameraDeviation, Deviations};
 pub use options::{
     Evaluation, Interpolation, LinearSolver, Minimiser, MotionStart, SolverOptions, Strategy,
     default_lbfgs_rank, default_trust_region_radius,
@@ -155,17 +157,19 @@ pub fn complete(
     options: &SolverOptions,
     observer: &Observer,
 ) -> Result<Solution, SolveError> {
-    let found = match prior.freed(options.free_form)? {
-        Some(freed) if refined.termination != Termination::Interrupted => free(
+    let freed = prior.freed(options.free_form)?;
+    let found = match freed {
+        _ if refined.termination == Termination::Interrupted => refined,
+        Some(freed) => free(
             footage,
-            &freed,
+            (prior, &freed),
             target,
             refined,
             objective_options,
             options,
             observer,
         )?,
-        _ => refined,
+        None => judged(footage, prior, target, refined, objective_options, options)?,
     };
     let canonical_from_shape = prior.canonical_from_shape(&found.estimate.style, &found.free_form);
     Ok(Solution {
@@ -182,7 +186,7 @@ pub fn complete(
 /// resolution. The trace's stage is `free-form`.
 fn free(
     footage: &Footage,
-    freed: &Arc<dyn ShapePrior>,
+    (prior, freed): (&Arc<dyn ShapePrior>, &Arc<dyn ShapePrior>),
     target: usize,
     solution: Solution,
     objective_options: &ObjectiveOptions,
@@ -222,6 +226,16 @@ fn free(
         &mut Progress::new(observer),
     )?;
     let mut estimate = descent.estimate;
+    let deviations = match descent.termination {
+        Termination::Interrupted => None,
+        _ => Deviations::at(
+            &mut objective,
+            prior.as_ref(),
+            &estimate,
+            styles,
+            objective_options.style_weight,
+        )?,
+    };
     let free_form = estimate.style.split_off(styles.min(estimate.style.len()));
     let seconds = [
         ("free_form".to_owned(), began.elapsed().as_secs_f64()),
@@ -230,12 +244,39 @@ fn free(
     Ok(Solution {
         estimate,
         free_form,
+        deviations,
         objective_end: descent.end,
         evaluations: solution.evaluations.plus(descent.evaluations),
         iterations: solution.iterations + descent.iterations,
         termination: descent.termination,
         trace: solution.trace.into_iter().chain(descent.trace).collect(),
         seconds: solution.seconds.into_iter().chain(seconds).collect(),
+        ..solution
+    })
+}
+
+/// `solution`, which has no free form, with its deviations.
+fn judged(
+    footage: &Footage,
+    prior: &Arc<dyn ShapePrior>,
+    target: usize,
+    solution: Solution,
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+) -> Result<Solution, SolveError> {
+    let found = &solution.estimate;
+    let (styles, weight) = (found.style.len(), objective_options.style_weight);
+    let mut objective = Objective::new(
+        footage,
+        prior.clone(),
+        objective_options,
+        target,
+        found,
+        options.threads,
+    )?;
+    let deviations = Deviations::at(&mut objective, prior.as_ref(), found, styles, weight)?;
+    Ok(Solution {
+        deviations,
         ..solution
     })
 }
@@ -407,6 +448,7 @@ fn unrefined(
     Ok(Solution {
         estimate: start.clone(),
         free_form: Vec::new(),
+        deviations: None,
         canonical_from_shape: None,
         objective_start: objective,
         objective_end: objective,
@@ -474,6 +516,7 @@ pub fn refine(
     Ok(Solution {
         estimate: descent.estimate,
         free_form: Vec::new(),
+        deviations: None,
         canonical_from_shape: None,
         objective_start: descent.start,
         objective_end: descent.end,

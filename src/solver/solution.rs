@@ -1,5 +1,6 @@
 //! What a solve reports: objective values, counters, the trace and the result.
 
+use super::Deviations;
 use crate::geometry::Similarity;
 use crate::init::Estimate;
 
@@ -102,6 +103,8 @@ pub struct Solution {
     pub estimate: Estimate,
     /// g: the coordinates of the free form that bends the shape; empty without one.
     pub free_form: Vec<f64>,
+    /// How sure that is; `None` where nothing says so ([`Deviations`]), and after an interruption.
+    pub deviations: Option<Deviations>,
     /// From the frame in which the prior puts the shape of s and g to the estimate's, the canonical one, where they differ: that of a prior
     /// of surfaces.
     pub canonical_from_shape: Option<Similarity>,

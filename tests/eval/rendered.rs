@@ -87,6 +87,7 @@ pub fn write_result_of(
     let solution = Solution {
         estimate,
         free_form: Vec::new(),
+        deviations: None,
         canonical_from_shape: None,
         objective_start: ObjectiveValue::default(),
         objective_end: ObjectiveValue::default(),

@@ -5,7 +5,7 @@ use crate::geometry::{Pinhole, Pose, Similarity};
 use crate::image::{DepthMap, read_depth};
 use crate::report::{ReportError, RunResult, file_stems, overlay, style_length};
 use crate::sequence::{self, Sequence};
-use crate::solver::TraceRow;
+use crate::solver::{CameraDeviation, TraceRow};
 use serde::Serialize;
 use std::path::Path;
 
@@ -29,6 +29,8 @@ pub(super) struct Frame {
     has_input_depth: bool,
     silhouette_iou: f64,
     density: f64,
+    /// How sure the camera's pose is; `None` where nothing says so.
+    deviation: Option<CameraDeviation>,
     /// By which the object turned since the frame before, as the camera sees it; `None` in the first.
     pub turn_deg: Option<f64>,
     /// By which the input's pose has the object turned otherwise, both frames of reference laid upon each other; `None` where the input has
@@ -92,6 +94,7 @@ pub(super) fn frames(
             has_input_depth: input_depth.is_some(),
             silhouette_iou: found.silhouette_iou,
             density: found.density,
+            deviation: found.deviation,
             turn_deg: before.map(|before| pose.rotation.angle_to(&before.rotation).to_degrees()),
             input_turn_deg: input_turn,
             mask_anew: result.masks_anew.contains(&found.name),
@@ -195,7 +198,7 @@ pub(super) fn tiles(result: &RunResult) -> Vec<Tile> {
         .filter(|(name, _)| wall(name))
         .map(|(_, seconds)| seconds)
         .sum();
-    vec![
+    let mut tiles = vec![
         tile(
             format!("{:.3}", result.silhouette_iou_mean),
             "silhouette IoU",
@@ -223,7 +226,21 @@ pub(super) fn tiles(result: &RunResult) -> Vec<Tile> {
                 .peak_memory_mb
                 .map_or_else(String::new, |memory| format!("{memory:.0} MB at most")),
         ),
-    ]
+    ];
+    if let Some(cameras) = result.mean_camera_deviation() {
+        let shape = result
+            .shape_deviation_median
+            .map_or_else(String::new, |shape| format!(", shape ± {:.1} %", 100.0 * shape));
+        tiles.insert(
+            2,
+            tile(
+                format!("± {:.2}°", cameras.rotation_deg),
+                "camera rotation",
+                format!("location ± {:.1} %{shape}", 100.0 * cameras.location),
+            ),
+        );
+    }
+    tiles
 }
 
 /// A stage's name with its wall-clock and processor seconds.

@@ -85,6 +85,9 @@ class FramePanel {
     const facts = [
       ["silhouette IoU", frame.silhouette_iou.toFixed(3)],
       ["density", frame.density.toFixed(3)],
+      ["pose known to", frame.deviation
+        ? `${angle(frame.deviation.rotation_deg)}, ${(100 * frame.deviation.location).toFixed(1)} % of a diagonal`
+        : "–"],
       ["turn since the frame before", angle(frame.turn_deg)],
       ["turn against the input's pose", angle(frame.input_turn_deg)],
       ["distance", `${Math.hypot(...frame.translation).toFixed(2)} diagonals`],

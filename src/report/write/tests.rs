@@ -106,9 +106,9 @@ fn result_json_has_exactly_the_documented_keys() {
         keys
     };
     let top = "alpha canonical_from_shape density_mean evaluations focal_factor frames free_form hypotheses input iterations masks_anew metres_per_unit object_from_input objective \
-               peak_memory_mb prior schema seconds silhouette_iou_mean style termination version";
+               peak_memory_mb prior schema seconds shape_deviation_median silhouette_iou_mean style termination version";
     assert_eq!(keys(&json).join(" "), top);
-    let frame = "center density name rotation silhouette_iou translation";
+    let frame = "center density deviation name rotation silhouette_iou translation";
     assert_eq!(keys(&json["frames"][0]).join(" "), frame);
     assert_eq!(
         keys(&json["object_from_input"]).join(" "),
