@@ -401,3 +401,43 @@ fn faults_are_one_line() {
     );
     assert_eq!(text.lines().count(), 1, "{text}");
 }
+
+#[test]
+fn a_results_shape_against_masks() {
+    let home = tempfile::tempdir().unwrap();
+    let (masks, result) = (home.path().join("masks"), home.path().join("result"));
+    let (surface, sequence, estimate) = rendered();
+    write_result(&surface, &sequence, estimate, &result);
+    std::fs::create_dir(&masks).unwrap();
+    let write = |frame: usize, mask: &spba_ceres::image::Mask| {
+        spba_ceres::image::write_mask(mask, &masks.join(format!("{frame:03}.png"))).unwrap();
+    };
+    for (l, frame) in sequence.frames.iter().enumerate() {
+        // The last one lacks its right half.
+        let lacking = Grid::from_fn(128, 96, |column, row| frame.mask[(column, row)] && column < 64);
+        write(l, if l == 3 { &lacking } else { &frame.mask });
+    }
+    let rows = json(&mut eval(&[&result, Path::new("--masks"), &masks]));
+    let of = |frame: usize, key: &str| rows[frame][key].as_f64().unwrap();
+    assert_eq!(
+        [of(0, "iou"), of(0, "outside_share"), of(0, "hole_share")],
+        [1.0, 0.0, 0.0]
+    );
+    assert!((of(3, "iou") - 0.5).abs() < 0.05, "{}", of(3, "iou"));
+    let outside = of(3, "outside_share");
+    assert!(outside > 0.3 && outside < 0.5, "{outside}");
+    let table = eval(&[&result, Path::new("--masks"), &masks]).output().unwrap();
+    let table = String::from_utf8(table.stdout).unwrap();
+    assert!(
+        table.contains("outside by > 3 px") && table.contains("mean"),
+        "{table}"
+    );
+
+    write(2, &Grid::filled(10, 10, true));
+    let refused = eval(&[&result, Path::new("--masks"), &masks]).assert().failure();
+    let told = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(
+        told.contains("002.png") && told.contains("give the masks"),
+        "{told}"
+    );
+}
