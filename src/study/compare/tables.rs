@@ -71,7 +71,7 @@ impl Comparison {
         };
         format!(
             "Sequence `{}`, {} frames. {starts} The best objective is the least that any of them reached from the same \
-             start.\n\n{}\n",
+             start, at the end of any solver call; a minimiser may end above what it reached.\n\n{}\n",
             self.sequence,
             self.frames,
             self.soonest()
