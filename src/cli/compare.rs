@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "MINIMISERS.toml (--print-config prints one to start from):
 
     schema = 1
-    prior = \"car\"                             # for all minimisers, as are the next four; each may be left out
-    [perturbation]                            # of the starts of seeds 1, 2, …
+    prior = \"car\"                             # for all, as is all above [[minimisers]]; may be left out
+    [perturbation]                            # of the starts of seeds 1 and on
     rotation_deg = 5.0
     share_of_distance = 0.02
     [objective]                               # keys of solve --print-config; [init] likewise
@@ -27,12 +27,10 @@ use std::path::{Path, PathBuf};
     max_steps = 10
     [[minimisers]]
     name = \"lbfgs-5\"                          # of letters, digits, `.`, `_` and `-`
-    minimiser = { method = \"lbfgs\", rank = 5 } # and any other key of [solver]
+    minimiser = { method = \"lbfgs\", rank = 5 } # or any other key of [solver]
     strategy = \"alternating\"
 
-Files in OUT: compare.md (the table), compare.csv (a line per minimiser and seed), compare-calls.csv (a line per judged state),
-compare-iterations.csv (a line per iteration, as the minimiser saw it), compare.json (everything), compare-*.svg (charts of
-seed 0), compare.toml (the minimisers). All but processor seconds is the same in every run.")]
+Files in OUT: compare.md (the table), compare.csv (a line per minimiser and seed), compare-calls.csv (a line per judged state), compare-iterations.csv (a line per iteration, as the minimiser saw it), compare.json (everything), compare-*.svg (charts of seed 0), compare.toml (the minimisers). All but processor seconds is the same in every run.")]
 pub struct Args {
     #[command(flatten)]
     input: Option<InputArgs>,
