@@ -9,8 +9,10 @@ use crate::study::table::cell;
 struct Column<'a> {
     heading: &'a str,
     digits: usize,
-    value: Box<dyn Fn(&Minimisation) -> Option<f64> + 'a>,
+    value: Value<'a>,
 }
+
+type Value<'a> = Box<dyn Fn(&Minimisation) -> Option<f64> + 'a>;
 
 fn column<'a>(
     heading: &'a str,
