@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "MINIMISERS.toml (--print-config prints one to start from):
 
     schema = 1
-    prior = \"car\"                             # for all, as is all above [[minimisers]]; may be left out
-    [perturbation]                            # of the starts of seeds 1 and on
+    prior = \"car\"                             # for all minimisers; may be left out
+    [perturbation]                            # for all; of the starts of seeds 1 and on
     rotation_deg = 5.0
     share_of_distance = 0.02
     [objective]                               # keys of solve --print-config; [init] likewise
