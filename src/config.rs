@@ -197,6 +197,20 @@ impl Config {
         Self::laid_over_defaults(file, settings)
     }
 
+    /// Layers of keys over the defaults, each over those before it, as a file's keys are.
+    ///
+    /// # Errors
+    /// The dotted key that is unknown or has a value of the wrong type, and what is known or expected.
+    #[cfg(feature = "study")]
+    pub(crate) fn of_layers(layers: impl IntoIterator<Item = Table>) -> Result<Self, (String, String)> {
+        let failed = |error: toml::ser::Error| (String::new(), error.to_string());
+        let mut table = Table::try_from(Self::default()).map_err(failed)?;
+        for layer in layers {
+            setting::lay(&mut table, layer);
+        }
+        setting::config_of(table).map_err(|fault| (fault.key, fault.message))
+    }
+
     fn laid_over_defaults(file: Option<(Table, &Path)>, settings: &[Setting]) -> Result<Self, ConfigError> {
         let mut table = Table::try_from(Self::default())?;
         if let Some((keys, path)) = file {

@@ -81,6 +81,7 @@ fn every_table_and_figure_is_made_and_records_are_kept() {
         "fig6-cumulative",
         "fig7",
         "fig8",
+        "compare-objective-iterations",
         "compare-objective-seconds",
         "compare-objective-evaluations",
         "compare-location-seconds",

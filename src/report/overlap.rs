@@ -31,8 +31,10 @@ pub fn outside_share(shape: &Mask, mask: &Mask, beyond_px: u8) -> f64 {
 pub fn hole_share(mask: &Mask, shape: &Mask) -> f64 {
     let (width, height) = shape.size();
     let mut open: Vec<bool> = shape.data().iter().map(|on| !on).collect();
-    let on_border =
-        |i: usize| i % width == 0 || i % width == width - 1 || i < width || i >= width * (height - 1);
+    let on_border = |i: usize| {
+        let (column, row) = (i % width, i / width);
+        column == 0 || column == width - 1 || row == 0 || row == height - 1
+    };
     let mut stack: Vec<usize> = (0..open.len()).filter(|&i| open[i] && on_border(i)).collect();
     stack.iter().for_each(|&i| open[i] = false);
     while let Some(i) = stack.pop() {

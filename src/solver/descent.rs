@@ -111,6 +111,7 @@ pub(super) fn descend(
                 descent.steps.push(StepState {
                     level,
                     estimate: estimate.clone(),
+                    iterations: descent.iterations,
                     evaluations: descent.evaluations,
                     cpu_seconds: clock.seconds(),
                 });

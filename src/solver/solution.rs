@@ -91,6 +91,8 @@ pub struct StepState {
     pub level: usize,
     pub estimate: Estimate,
     /// Since the descent began.
+    pub iterations: usize,
+    /// Since the descent began.
     pub evaluations: Evaluations,
     /// Processor time since the descent began.
     pub cpu_seconds: f64,

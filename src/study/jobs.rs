@@ -22,11 +22,14 @@ pub trait Watch: Sync {
 const DEPENDENCIES: &[u8] = include_bytes!("../../Cargo.lock");
 
 /// Sources that make inputs, or only name, show and write what the others found.
-const WITHOUT_SAY: [&str; 10] = [
+const WITHOUT_SAY: [&str; 13] = [
     "cad",
     "cli",
     "main.rs",
     "study/ablation.rs",
+    "study/compare/charts.rs",
+    "study/compare/settings.rs",
+    "study/compare/tables.rs",
     "study/fig6.rs",
     "study/fig7.rs",
     "study/fig8.rs",

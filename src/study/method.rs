@@ -3,12 +3,13 @@
 use super::StudyError;
 use crate::config::Config;
 use crate::solver::{Minimiser, Strategy, default_lbfgs_rank};
+use serde::Serialize;
 
 const PAPER: &str = include_str!("../../data/paper.toml");
 const ZHU: &str = include_str!("../../data/zhu.toml");
 
 /// A name and all that decides what the method does.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Method {
     /// Short, for files.
     pub name: String,

@@ -20,7 +20,9 @@ mod table;
 mod table1;
 
 pub use ablation::{Ablation, ablation};
-pub use compare::{Comparison, compare, methods};
+pub use compare::{
+    Comparison, Iteration, JudgedState, Minimisation, MinimiserSettings, Perturbation, SettingsError, compare,
+};
 pub use fig3::{Fig3, fig3};
 pub use fig6::{Fig6, fig6};
 pub use fig7::{Fig7, fig7};

@@ -1,8 +1,9 @@
 //! A sequence in a study: its common start, and runs of methods from there.
 
 use super::{Effort, Jobs, Measures, Method, StudyError};
+use crate::config::Config;
 use crate::eval::Platform;
-use crate::init::{Estimate, initialise};
+use crate::init::{Estimate, InitOptions, initialise};
 use crate::objective::{Footage, ObjectiveOptions};
 use crate::prior::{self, LearnedPrior, ShapePrior};
 use crate::report::Surface;
@@ -83,11 +84,27 @@ impl Subject {
 
     /// The start, from the cache or by initialisation and short solves with the defaults.
     pub fn start(&self, jobs: &Jobs, effort: Effort) -> Result<Start, StudyError> {
-        let mut config = Method::ours().with(effort).config;
+        let Config { prior, init, .. } = Config::default();
+        self.start_by(prior, init, jobs, effort)
+    }
+
+    /// The start with another prior or initialisation than the defaults.
+    pub(super) fn start_by(
+        &self,
+        prior: String,
+        init: InitOptions,
+        jobs: &Jobs,
+        effort: Effort,
+    ) -> Result<Start, StudyError> {
+        let mut config = Config {
+            prior,
+            init,
+            ..Method::ours().with(effort).config
+        };
         if effort == Effort::Quick {
             config.init.hypotheses.count = 2;
         }
-        let key = json!([self.digest, config]);
+        let key = json!([self.digest, config, prior_digest(&config.prior)]);
         let starts = jobs.run(
             &[()],
             |()| format!("{}/start", self.name),
@@ -205,9 +222,20 @@ pub(super) fn short_solves(
     }
 }
 
+/// Of a prior's file; none for a bundled prior, which the build's digest holds.
+pub(super) fn prior_digest(name_or_path: &str) -> Option<u64> {
+    let bytes = std::fs::read(name_or_path).ok()?;
+    let mut hasher = DefaultHasher::new();
+    bytes.hash(&mut hasher);
+    Some(hasher.finish())
+}
+
 /// Of all that a solve or a measure can depend on.
 fn digest(sequence: &Sequence) -> u64 {
     let mut hasher = DefaultHasher::new();
+    for deviation in [sequence.motion_deviation, sequence.focal_deviation] {
+        deviation.map(f64::to_bits).hash(&mut hasher);
+    }
     let mut number = |value: f64| value.to_bits().hash(&mut hasher);
     for frame in &sequence.frames {
         let camera = frame.camera;

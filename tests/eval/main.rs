@@ -413,8 +413,8 @@ fn a_results_shape_against_masks() {
         spba_ceres::image::write_mask(mask, &masks.join(format!("{frame:03}.png"))).unwrap();
     };
     for (l, frame) in sequence.frames.iter().enumerate() {
-        // The last one lacks its right half.
-        let lacking = Grid::from_fn(128, 96, |column, row| frame.mask[(column, row)] && column < 64);
+        // The last one lacks what is on the right.
+        let lacking = Grid::from_fn(128, 96, |column, row| frame.mask[(column, row)] && column < 60);
         write(l, if l == 3 { &lacking } else { &frame.mask });
     }
     let rows = json(&mut eval(&[&result, Path::new("--masks"), &masks]));
@@ -423,9 +423,23 @@ fn a_results_shape_against_masks() {
         [of(0, "iou"), of(0, "outside_share"), of(0, "hole_share")],
         [1.0, 0.0, 0.0]
     );
-    assert!((of(3, "iou") - 0.5).abs() < 0.05, "{}", of(3, "iou"));
+    let right_of = |least: usize| -> f64 {
+        let mask = &sequence.frames[3].mask;
+        let count = |from: usize| {
+            (0..96 * 128usize)
+                .filter(|i| i % 128 >= from && mask.data()[*i])
+                .count() as f64
+        };
+        count(least) / count(0)
+    };
+    assert_eq!(of(3, "iou"), 1.0 - right_of(60));
+    // The last column inside is 59.
     let outside = of(3, "outside_share");
-    assert!(outside > 0.3 && outside < 0.5, "{outside}");
+    assert!(
+        (outside - right_of(63)).abs() < 0.01,
+        "{outside} {}",
+        right_of(63)
+    );
     let table = eval(&[&result, Path::new("--masks"), &masks]).output().unwrap();
     let table = String::from_utf8(table.stdout).unwrap();
     assert!(
