@@ -12,6 +12,8 @@
 //! - **Inverse depth** is 1 / z; depth maps store z, 0 = unknown.
 //! - **Images** are RGB in \[0, 255\], `f32`.
 
+#![warn(missing_docs)]
+
 pub(crate) mod bridge;
 #[cfg(feature = "cad")]
 pub mod cad;

@@ -147,7 +147,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
     let solve = |sequence: &Sequence, starts: &[Initialisation]| -> anyhow::Result<Solution> {
-        let watch = progress::Watch::start()?;
+        let progress = progress::SolveProgress::start()?;
         let solution = solver::solve(
             &Footage::new(sequence, config.solver.levels)?,
             &prior,
@@ -155,9 +155,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             starts,
             &config.objective,
             &config.solver,
-            &|row| watch.see(row),
+            &|row| progress.see(row),
         )?;
-        watch.finish();
+        progress.finish();
         Ok(solution)
     };
     let mut solution = solve(&sequence, &starts)?;

@@ -3,7 +3,7 @@
 //! The paper keeps the template with the highest IoU. A car's silhouette is nearly the same from the front left
 //! and the rear right, so several are kept, front/rear partners among them, and the objective chooses.
 
-use super::placement::{Placement, Scene, Shape, Shown};
+use super::placement::{Evidence, Placement, Shape, Shown};
 use super::silhouette::Observation;
 use super::templates::{Template, TemplateGrid};
 use crate::geometry::{Pinhole, Pose};
@@ -60,11 +60,11 @@ pub fn pose_hypotheses(
     let Some(target) = Observation::new(mask, *camera) else {
         return Vec::new();
     };
-    let scene = Scene {
+    let evidence = Evidence {
         target,
         reconstruction: None,
     };
-    let found = search(&scene, &Shape::new(points), options, &|| true);
+    let found = search(&evidence, &Shape::new(points), options, &|| true);
     found
         .into_iter()
         .map(|candidate| candidate.hypothesis())
@@ -108,23 +108,23 @@ impl Candidate {
 /// The K best distinct candidates by mean IoU, best first; `shape` has the points of [`pose_hypotheses`]. Once `go_on` says no,
 /// what is left is not looked at.
 pub(super) fn search(
-    scene: &Scene,
+    evidence: &Evidence,
     shape: &Shape,
     options: &HypothesisOptions,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Candidate> {
-    let Some(centroid) = scene.target.centroid_px(&scene.target.mask) else {
+    let Some(centroid) = evidence.target.centroid_px(&evidence.target.mask) else {
         return Vec::new();
     };
-    let ray = scene.target.camera.unproject(&centroid, 1.0);
+    let ray = evidence.target.camera.unproject(&centroid, 1.0);
     let coarse = shape.first(FEW_POINTS);
     let by_target =
-        |shape: &Shape, template: &Template| scene.place_by_target(shape, &template.rotation(&ray));
+        |shape: &Shape, template: &Template| evidence.place_by_target(shape, &template.rotation(&ray));
     let placed = |template: Template| {
         if !go_on() {
             return None;
         }
-        let placement = scene.place_by_all(shape, by_target(shape, &template)?);
+        let placement = evidence.place_by_all(shape, by_target(shape, &template)?);
         Some(Candidate { template, placement })
     };
     let roughly_placed = |template: Template| {

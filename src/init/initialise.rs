@@ -3,7 +3,7 @@
 use super::Estimate;
 use super::cameras_from_input;
 use super::hypotheses::{HypothesisOptions, PoseHypothesis, search};
-use super::placement::{Reconstruction, Scene, Shape, TargetDepth};
+use super::placement::{Evidence, Reconstruction, Shape, TargetDepth};
 use super::silhouette::Observation;
 use super::templates::Template;
 use crate::geometry::Pose;
@@ -119,13 +119,13 @@ pub fn initialise_while(
             depth: target_depth(&sequence.frames[target]),
         }
     });
-    let scene = Scene {
+    let evidence = Evidence {
         target: observations[target].clone(),
         reconstruction,
     };
 
     let shape = Shape::new(&points);
-    let candidates = search(&scene, &shape, &options.hypotheses, go_on);
+    let candidates = search(&evidence, &shape, &options.hypotheses, go_on);
     if !go_on() {
         return Err(InitError::Interrupted);
     }
@@ -141,7 +141,7 @@ pub fn initialise_while(
         let camera_from_object = match &input_poses {
             Some(poses) => cameras_from_input(&hypothesis.target_from_object, target, poses, alpha),
             None => cameras_from_masks(
-                &scene,
+                &evidence,
                 &shape,
                 &observations,
                 &hypothesis.target_from_object,
@@ -329,7 +329,7 @@ fn target_depth(frame: &Frame) -> Option<TargetDepth> {
 
 /// Without off-the-shelf poses: the target's rotation everywhere, each frame placed by its own mask.
 fn cameras_from_masks(
-    scene: &Scene,
+    evidence: &Evidence,
     shape: &Shape,
     observations: &[Observation],
     target_from_object: &Pose,
@@ -339,7 +339,7 @@ fn cameras_from_masks(
         if l == target {
             return *target_from_object;
         }
-        let translation = scene
+        let translation = evidence
             .place_in(shape, frame, &target_from_object.rotation)
             .unwrap_or(target_from_object.translation);
         Pose {

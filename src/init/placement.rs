@@ -58,8 +58,8 @@ impl Shape {
     }
 }
 
-/// What the frames show.
-pub(super) struct Scene {
+/// What the frames show of the object: the evidence by which templates are placed.
+pub(super) struct Evidence {
     pub target: Observation,
     pub reconstruction: Option<Reconstruction>,
 }
@@ -98,7 +98,7 @@ pub(super) struct Shown {
     silhouettes: Vec<Silhouette>,
 }
 
-impl Scene {
+impl Evidence {
     /// The template where the target's mask alone and the depth there put it. `None` where the template cannot be
     /// brought onto the mask.
     pub fn place_by_target(&self, shape: &Shape, rotation: &Rotation3<f64>) -> Option<Shown> {

@@ -19,11 +19,11 @@ pub struct DepthOptions {
     /// Half a side of the compared patches, in pixels.
     pub radius_px: usize,
     /// Normalised cross-correlation below which nothing is alike.
-    pub least_likeness: f32,
+    pub min_ncc: f32,
     /// Other frames that must agree.
     pub agreeing: usize,
     /// Standard deviation of a patch, in grey levels, below which it has no texture.
-    pub least_texture: f32,
+    pub min_texture: f32,
 }
 
 impl Default for DepthOptions {
@@ -32,9 +32,9 @@ impl Default for DepthOptions {
             planes: 128,
             neighbours: 6,
             radius_px: 3,
-            least_likeness: 0.75,
+            min_ncc: 0.75,
             agreeing: 2,
-            least_texture: 4.0,
+            min_texture: 4.0,
         }
     }
 }
@@ -209,7 +209,7 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
     let own = Patches::new(gray, options.radius_px);
     let wanted: Vec<usize> = (0..width * height)
         .filter(|&i| target.mask[(left + i % width, top + i / width)])
-        .filter(|&i| own.variance(i) > options.least_texture.powi(2))
+        .filter(|&i| own.variance(i) > options.min_texture.powi(2))
         .collect();
     let others: Vec<(&Grid<f32>, Pose)> = others
         .iter()
@@ -252,7 +252,7 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
         }
     }
     for (scores, i) in scores.chunks_exact(options.planes).zip(wanted) {
-        if let Some(plane) = peak(scores, options.least_likeness) {
+        if let Some(plane) = peak(scores, options.min_ncc) {
             depth[(left + i % width, top + i / width)] = (1.0 / (low + step * plane)) as f32;
         }
     }

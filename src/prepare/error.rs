@@ -1,7 +1,7 @@
 //! Why an input cannot be prepared. One line each: what, why, mend.
 
 use super::masks::NetworkError;
-use super::motion::MotionError;
+use super::motion::StructureFromMotionError;
 use crate::image::ImageError;
 use crate::sequence::SequenceError;
 use std::path::PathBuf;
@@ -44,7 +44,7 @@ pub enum PrepareError {
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
-    Motion(MotionError),
+    Motion(StructureFromMotionError),
     #[error(transparent)]
     Sequence(#[from] SequenceError),
     #[error("OpenCV: {0}")]
@@ -53,10 +53,10 @@ pub enum PrepareError {
     Interrupted,
 }
 
-impl From<MotionError> for PrepareError {
-    fn from(error: MotionError) -> Self {
+impl From<StructureFromMotionError> for PrepareError {
+    fn from(error: StructureFromMotionError) -> Self {
         match error {
-            MotionError::Interrupted => Self::Interrupted,
+            StructureFromMotionError::Interrupted => Self::Interrupted,
             error => Self::Motion(error),
         }
     }

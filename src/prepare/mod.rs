@@ -27,7 +27,7 @@ use crate::image::{DepthMap, Mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
-use motion::{FocalEvidence, Motion, MotionError, View};
+use motion::{FocalEvidence, MaskedImage, Motion, StructureFromMotionError};
 use std::path::Path;
 use std::time::Instant;
 
@@ -51,12 +51,12 @@ pub struct Prepared {
     /// The frames that could be placed.
     pub sequence: Sequence,
     /// One per stage.
-    pub stages: Vec<Stage>,
+    pub stages: Vec<StageReport>,
 }
 
 /// What a stage did.
 #[derive(Clone, Debug)]
-pub struct Stage {
+pub struct StageReport {
     pub name: &'static str,
     /// Counts and what to know, for people.
     pub words: String,
@@ -66,7 +66,7 @@ pub struct Stage {
 }
 
 /// Sees a stage under way: its name, how many steps it has, and each one done. False stops.
-pub type Watch<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
+pub type ProgressCallback<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
 
 /// Makes a sequence of a video or a folder of pictures. What `cache` holds of earlier runs is not made again.
 ///
@@ -76,10 +76,10 @@ pub fn prepare(
     input: &Path,
     options: &PrepareOptions,
     cache: &Cache,
-    watch: &Watch,
+    watch: &ProgressCallback,
 ) -> Result<Prepared, PrepareError> {
     for (option, value, least, mend) in [
-        ("--max-frames", options.photos.most, 2, "give 2 or more"),
+        ("--max-frames", options.photos.max_frames, 2, "give 2 or more"),
         ("--max-size", options.photos.longest_px, 64, "give 64 or more"),
     ] {
         if value < least {
@@ -94,7 +94,7 @@ pub fn prepare(
     let mut began = Instant::now();
     forget_peak_memory();
     let mut stage = |name, words: String| {
-        stages.push(Stage {
+        stages.push(StageReport {
             name,
             words,
             seconds: began.elapsed().as_secs_f64(),
@@ -231,14 +231,14 @@ pub fn prepare(
     })
 }
 
-/// The best motion of those that start from any focal length worth trying, and what was known of the focal length before.
+/// The best motion of those that start from every candidate focal length, and what was known of the focal length before.
 fn moved(
     photos: &[Photo],
     masks: &[Mask],
     options: &PrepareOptions,
     cache: &Cache,
     key: Key,
-    watch: &Watch,
+    watch: &ProgressCallback,
 ) -> Result<(Motion, Option<FocalEvidence>, FocalSource), PrepareError> {
     let (cameras, focal_source) = focal::cameras(photos, options.focal)?;
     let motion_options = MotionOptions {
@@ -247,10 +247,10 @@ fn moved(
     };
     let motion = cache.get_or("motion", key, || {
         let matching = cache.get_or("matches", key, || {
-            let views: Vec<View> = photos
+            let views: Vec<MaskedImage> = photos
                 .iter()
                 .zip(masks)
-                .map(|(photo, mask)| View {
+                .map(|(photo, mask)| MaskedImage {
                     image: &photo.image,
                     mask,
                 })
@@ -258,13 +258,13 @@ fn moved(
             motion::match_features(&views, &|pairs| watch("matches", pairs))
         })?;
         let mut best: Option<Motion> = None;
-        let mut failure = MotionError::NoPair { matched: 0 };
+        let mut failure = StructureFromMotionError::NoPair { matched: 0 };
         for camera in &cameras {
             if !watch("motion", cameras.len()) {
-                return Err(MotionError::Interrupted);
+                return Err(StructureFromMotionError::Interrupted);
             }
             match motion::motion(&matching, camera, &motion_options) {
-                Ok(found) if best.as_ref().is_none_or(|best| worth(&found) > worth(best)) => {
+                Ok(found) if best.as_ref().is_none_or(|best| score(&found) > score(best)) => {
                     best = Some(found);
                 }
                 Ok(_) => {}
@@ -294,8 +294,8 @@ fn known_share(depths: &[Option<DepthMap>], masks: &[Mask]) -> f64 {
     known as f64 / all.max(1) as f64
 }
 
-/// More points seen from more frames are worth more; an error costs.
-fn worth(motion: &Motion) -> f64 {
+/// The score by which motions are compared: the number of observations over 0.5 + the reprojection error in pixels.
+fn score(motion: &Motion) -> f64 {
     let observations: usize = motion.seen_in.iter().map(Vec::len).sum();
     observations as f64 / (0.5 + motion.error_px)
 }

@@ -15,8 +15,8 @@ const BYTES_PER_PIXEL: f64 = 150.0;
 /// What can be chosen.
 #[derive(Clone, Debug)]
 pub struct PhotoOptions {
-    /// At most so many frames: of each of as many groups, the sharpest.
-    pub most: usize,
+    /// The maximum number of frames. The frames in order are cut into as many groups, and of each group the sharpest is kept.
+    pub max_frames: usize,
     /// The longer side of what comes out, in pixels; smaller pictures stay as they are.
     pub longest_px: usize,
 }
@@ -24,7 +24,7 @@ pub struct PhotoOptions {
 impl Default for PhotoOptions {
     fn default() -> Self {
         Self {
-            most: 40,
+            max_frames: 40,
             longest_px: 960,
         }
     }
@@ -150,8 +150,8 @@ pub(super) fn check_memory(frames: usize, (width, height): (usize, usize)) -> Re
 }
 
 /// The sharpest of each of `most` groups of frames in a row, in order.
-pub(super) fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
-    let groups = sharpness.len().min(most);
+pub(super) fn sharpest(sharpness: &[f64], max_frames: usize) -> Vec<usize> {
+    let groups = sharpness.len().min(max_frames);
     (0..groups)
         .filter_map(|group| {
             let range = group * sharpness.len() / groups..(group + 1) * sharpness.len() / groups;
@@ -195,7 +195,7 @@ fn photos(files: &[PathBuf], options: &PhotoOptions) -> Result<Vec<Photo>, Prepa
     let sharpness: Vec<f64> = seen.iter().map(|photo| photo.sharpness).collect();
     let first = seen.iter().find_map(|photo| photo.seconds);
     let names = names(&seen);
-    let chosen = sharpest(&sharpness, options.most);
+    let chosen = sharpest(&sharpness, options.max_frames);
     check_memory(chosen.len(), expected)?;
     chosen
         .into_par_iter()

@@ -38,7 +38,7 @@ impl Default for RefineOptions {
 }
 
 /// Share of a depth by which adjusting may change it; beyond, it found something else.
-const FARTHEST: f64 = 0.03;
+const MAX_RELATIVE_CHANGE: f64 = 0.03;
 /// Noise of a colour's value is taken to be at least so much, in grey levels.
 const NOISE: f64 = 2.0;
 
@@ -245,7 +245,7 @@ fn adjust_depth(
         let at = (pixel.x as usize, pixel.y as usize);
         let share = pixel.deviation * pixel.error.max(NOISE) / pixel.inverse_depth;
         let moved = (pixel.inverse_depth / before - 1.0).abs();
-        if own.mask[at] && share < chosen.deviation && moved < FARTHEST {
+        if own.mask[at] && share < chosen.deviation && moved < MAX_RELATIVE_CHANGE {
             depth[at] = (1.0 / pixel.inverse_depth) as f32;
             deviation[at] = share as f32;
         }

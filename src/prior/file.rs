@@ -25,9 +25,9 @@ const METADATA_KEY: &str = "spba_prior";
 /// Of the mean shape's bounding box: antennas and mirrors stand out of the box whose diagonal is 1, and means of many shapes are smooth.
 const DIAGONAL: std::ops::RangeInclusive<f64> = 0.9..=1.12;
 /// Of that box's centre.
-const MOST_OFF_CENTRE: f64 = 0.1;
+const MAX_CENTRE_OFFSET: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
-const MOST_MOVED: f64 = 1.0;
+const MAX_DEFORMATION: f64 = 1.0;
 /// Priors that ship inside the library.
 #[cfg(feature = "bundled-priors")]
 const BUNDLED: [(&str, &[u8]); 3] = [
@@ -371,13 +371,13 @@ pub fn check_unit(output: &LinearPrior, path: &Path) -> Result<(), PriorError> {
         (
             "centre's distance from the origin",
             length(|(low, high)| (low + high) / 2.0),
-            0.0..=MOST_OFF_CENTRE,
+            0.0..=MAX_CENTRE_OFFSET,
             "0",
         ),
         (
             "largest change by one standard deviation of a style",
             farthest_moved,
-            0.0..=MOST_MOVED,
+            0.0..=MAX_DEFORMATION,
             "less than 1",
         ),
     ] {

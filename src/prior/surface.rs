@@ -11,7 +11,7 @@ use rayon::prelude::*;
 type V3 = Vector3<f64>;
 
 /// A shape of less is none.
-const LEAST_DIAGONAL: f64 = 1e-3;
+const MIN_DIAGONAL: f64 = 1e-3;
 
 /// Which modes of the free form there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -383,7 +383,7 @@ fn canonical_frame(vertices: &[V3], faces: &[[u32; 3]]) -> Option<Similarity> {
     let (low, high) = body_box(vertices, faces, BODY_BEYOND)?;
     let diagonal = (high - low).norm();
     let centre = (low + high) / 2.0;
-    (diagonal.is_finite() && diagonal > LEAST_DIAGONAL).then(|| Similarity {
+    (diagonal.is_finite() && diagonal > MIN_DIAGONAL).then(|| Similarity {
         scale: 1.0 / diagonal,
         rotation: Rotation3::identity(),
         // Symmetric in x = 0 but for an asymmetric form.

@@ -2,7 +2,7 @@
 //! leak and bite.
 
 use super::crop::{CHANNELS, Crop, SIDE_PX};
-use crate::cad::render::{Light, LightFrame, Renderer, View};
+use crate::cad::render::{Light, LightFrame, Renderer, Viewpoint};
 use crate::cad::{Mesh, orbit};
 use crate::geometry::Pinhole;
 use crate::image::{Grid, Mask, RgbImage};
@@ -60,7 +60,7 @@ impl Examples {
                 random.set_stream(index as u64);
                 let random = &mut random;
                 let arc = Arc::new(random);
-                let seen = |draw: &dyn Fn(&View, &mut ChaCha8Rng) -> (RgbImage, Mask),
+                let seen = |draw: &dyn Fn(&Viewpoint, &mut ChaCha8Rng) -> (RgbImage, Mask),
                             random: &mut ChaCha8Rng| {
                     (0..options.frames)
                         .map(|frame| {
@@ -73,7 +73,7 @@ impl Examples {
                 let light = light(random);
                 let example = if index < of_models {
                     let model = index % models.len();
-                    let draw = |view: &View, _: &mut ChaCha8Rng| {
+                    let draw = |view: &Viewpoint, _: &mut ChaCha8Rng| {
                         let drawn = renderers[model].render(view, &light);
                         (drawn.image, drawn.mask)
                     };
@@ -137,7 +137,7 @@ impl Arc {
         }
     }
 
-    fn view(&self, frame: usize, frames: usize, random: &mut impl Rng) -> View {
+    fn view(&self, frame: usize, frames: usize, random: &mut impl Rng) -> Viewpoint {
         let share = frame as f64 / (frames.max(2) - 1) as f64;
         let [start, end] = self.azimuth_deg;
         let mut off = |most: f64| random.random_range(-most..most);
@@ -145,7 +145,7 @@ impl Arc {
         let camera_from_object = orbit(azimuth, self.elevation_deg + off(2.0), self.distance);
         let half = RENDERED_PX as f64 / 2.0;
         let focal = 0.85 * RENDERED_PX as f64 * self.distance;
-        View {
+        Viewpoint {
             camera: Pinhole {
                 fx: focal,
                 fy: focal,
@@ -204,7 +204,7 @@ impl Painted {
         }
     }
 
-    fn draw(&self, view: &View, light: &Light) -> (RgbImage, Mask) {
+    fn draw(&self, view: &Viewpoint, light: &Light) -> (RgbImage, Mask) {
         let drawn = self
             .surface
             .render(&view.camera, &view.camera_from_object, (view.width, view.height));

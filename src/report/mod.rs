@@ -38,7 +38,7 @@ pub use page::{as_solved, write_page};
 pub use ply::read_shape;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
 pub use review::write_review;
-pub use surface::{Surface, UnwrappedMesh, View};
+pub use surface::{Surface, UnwrappedMesh, ZBuffer};
 pub use write::{ReportInput, Written, write};
 
 use std::path::{Path, PathBuf};

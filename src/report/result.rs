@@ -1,7 +1,7 @@
 //! `result.json`: what a solve found, in numbers (schema 1).
 
 use super::ReportError;
-use super::write::{FARTHEST, SCALES};
+use super::write::{MAX_TRANSLATION, SCALES};
 use crate::geometry::{Matrix3, Pose, Rotation3, Similarity, Vector3};
 use crate::solver::{CameraDeviation, Evaluations, HypothesisOutcome, ObjectiveValue, Termination};
 use serde::{Deserialize, Serialize};
@@ -199,7 +199,7 @@ impl RunResult {
                 numbers.push((
                     format!("frames[{}].translation", frame.name),
                     value,
-                    -FARTHEST..=FARTHEST,
+                    -MAX_TRANSLATION..=MAX_TRANSLATION,
                 ));
             }
         }

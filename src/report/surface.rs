@@ -88,7 +88,7 @@ fn normals(vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> Vec<Vector3<f64>> {
 
 /// A [`Surface`] as one camera sees it.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct ZBuffer {
     /// z of the nearest facet where the ray through the pixel's centre meets it, object units; 0 = none.
     pub depth: DepthMap,
     /// The point whose footprint that is.
@@ -97,7 +97,7 @@ pub struct View {
     pub visible: Vec<u32>,
 }
 
-impl View {
+impl ZBuffer {
     /// The silhouette: true where a footprint covers the pixel.
     pub fn mask(&self) -> Mask {
         self.depth.known()
@@ -242,7 +242,7 @@ impl Surface {
 
     /// Draws the shape into a `size` = (width, height) image. Every point in front of the camera covers at least
     /// the pixel that holds it; points behind the camera are skipped, with the facets that touch them.
-    pub fn render(&self, camera: &Pinhole, camera_from_object: &Pose, size: (usize, usize)) -> View {
+    pub fn render(&self, camera: &Pinhole, camera_from_object: &Pose, size: (usize, usize)) -> ZBuffer {
         let mut canvas = Canvas {
             depth: Grid::filled(size.0, size.1, 0.0),
             index: Grid::filled(size.0, size.1, None),
@@ -282,7 +282,7 @@ impl Surface {
                 (p.z <= f64::from(front) + tolerance(p.z)).then_some(i)
             })
             .collect();
-        View {
+        ZBuffer {
             depth: canvas.depth,
             index: canvas.index,
             visible,

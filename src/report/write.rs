@@ -55,7 +55,7 @@ pub struct Written {
 /// What an input's units may be in diagonals of the object: far more than any, and far less than what a diverged solve gives.
 pub(super) const SCALES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
 /// Diagonals; an orthographic camera may be passed off as one that is far away.
-pub(super) const FARTHEST: f64 = 1e9;
+pub(super) const MAX_TRANSLATION: f64 = 1e9;
 
 /// Frames on a result's contact sheet.
 const SHOWN: usize = 16;
@@ -182,7 +182,7 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
                 field: format!("the pose of frame {}", frame.name),
             });
         }
-        if pose.translation.norm() > FARTHEST {
+        if pose.translation.norm() > MAX_TRANSLATION {
             return Err(ReportError::FarAway {
                 frame: frame.name.clone(),
                 away: pose.translation.norm(),

@@ -27,7 +27,7 @@ pub use fig3::{Fig3, fig3};
 pub use fig6::{Fig6, fig6};
 pub use fig7::{Fig7, fig7};
 pub use fig8::{Fig8, fig8};
-pub use jobs::{Jobs, Watch};
+pub use jobs::{Jobs, StudyObserver};
 pub use measures::{DepthHistogram, Measures};
 pub use method::{Effort, Method};
 pub use perturbed::{perturbed_pose, perturbed_start};

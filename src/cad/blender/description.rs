@@ -1,6 +1,6 @@
 //! What Blender is told: `scene.json` and one PNG a texture. Object frame; lengths in object diagonals.
 
-use super::super::render::{HOLE, Light, NEAR, UNPAINTED, View, corner_normals, is_hole};
+use super::super::render::{HOLE, Light, NEAR, UNPAINTED, Viewpoint, corner_normals, is_hole};
 use super::super::{CadError, Material, Mesh, Texture};
 use super::failed;
 use nalgebra::Vector3;
@@ -60,7 +60,7 @@ struct ObjectLight {
 /// Writes all that `render.py` reads. The views are of one size and have square pixels.
 pub(super) fn write(
     mesh: &Mesh,
-    shots: &[(View, Light)],
+    shots: &[(Viewpoint, Light)],
     samples_per_axis: usize,
     folder: &Path,
 ) -> Result<(), CadError> {
@@ -104,7 +104,7 @@ pub(super) fn write(
     })
 }
 
-fn shot((view, light): &(View, Light)) -> Shot {
+fn shot((view, light): &(Viewpoint, Light)) -> Shot {
     let (pose, light) = (
         &view.camera_from_object,
         light.in_object(&view.camera_from_object),

@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 
 /// Where the mesh is seen from.
 #[derive(Clone, Copy, Debug)]
-pub struct View {
+pub struct Viewpoint {
     pub camera: Pinhole,
     pub camera_from_object: Pose,
     pub width: usize,
@@ -59,9 +59,9 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    pub fn render(&self, view: &View, light: &Light) -> Rendering {
+    pub fn render(&self, view: &Viewpoint, light: &Light) -> Rendering {
         let samples = self.samples_per_axis;
-        let fine = View {
+        let fine = Viewpoint {
             camera: view.camera.scaled(samples as f64, samples as f64),
             width: view.width * samples,
             height: view.height * samples,
@@ -102,7 +102,7 @@ impl<'a> Renderer<'a> {
 }
 
 /// z at the pixel centres alone: what visibility and outside points need, without shading.
-pub fn depth(mesh: &Mesh, view: &View) -> DepthMap {
+pub fn depth(mesh: &Mesh, view: &Viewpoint) -> DepthMap {
     let fragments = Fragments::of(mesh, view);
     Grid::from_fn(view.width, view.height, |column, row| {
         fragments

@@ -9,8 +9,8 @@ const FLAT: Light = Light {
     diffuse: 0.0,
 };
 
-fn view(width: usize, height: usize) -> View {
-    View {
+fn view(width: usize, height: usize) -> Viewpoint {
+    Viewpoint {
         camera: Pinhole {
             fx: 100.0,
             fy: 100.0,

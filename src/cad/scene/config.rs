@@ -126,7 +126,7 @@ pub struct SimulatedInput {
 #[serde(deny_unknown_fields, default)]
 pub struct SimulatedDepth {
     /// Only pixels with at least this gradient have depth, grey levels per pixel.
-    pub least_gradient: f64,
+    pub min_gradient: f64,
     /// Share of the picture lost to blotchy holes.
     pub holes: f64,
     /// Standard deviation, share of z.
@@ -174,7 +174,7 @@ impl Default for SimulatedInput {
 impl Default for SimulatedDepth {
     fn default() -> Self {
         Self {
-            least_gradient: 6.0,
+            min_gradient: 6.0,
             holes: 0.25,
             noise: 0.005,
             outliers: 0.05,
@@ -327,11 +327,7 @@ impl Scene {
             "give 0 to below 1",
         )?;
         let depth = &self.depth;
-        require(
-            depth.least_gradient >= 0.0,
-            "depth.least_gradient",
-            "give 0 or more",
-        )?;
+        require(depth.min_gradient >= 0.0, "depth.min_gradient", "give 0 or more")?;
         require(
             (0.0..0.3).contains(&depth.noise),
             "depth.noise",

@@ -4,7 +4,7 @@ use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::Grid;
 
 /// Product of two variances, in grey levels to the fourth, below which a correlation is noise.
-const LEAST_SPREAD: f32 = 1e-2;
+const MIN_VARIANCE_PRODUCT: f32 = 1e-2;
 
 /// Fills `warped` with what another frame sees on the plane at this inverse depth before the target, for the target's pixels from
 /// \[left, top\] on; NaN beyond the other's border.
@@ -135,7 +135,7 @@ impl Patches {
             let spread = self.variance[i].max(0.0) * (squares[i] * weight - mean * mean).max(0.0);
             tell(
                 k,
-                if seen && spread >= LEAST_SPREAD {
+                if seen && spread >= MIN_VARIANCE_PRODUCT {
                     (products[i] * weight - self.mean[i] * mean) / spread.sqrt()
                 } else {
                     -1.0

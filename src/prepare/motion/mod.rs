@@ -35,7 +35,7 @@ impl Default for MotionOptions {
 }
 
 /// A picture and what belongs to the object in it.
-pub struct View<'a> {
+pub struct MaskedImage<'a> {
     pub image: &'a RgbImage,
     pub mask: &'a Mask,
 }
@@ -60,7 +60,7 @@ pub struct Motion {
 
 /// Why there is no motion.
 #[derive(Debug, thiserror::Error)]
-pub enum MotionError {
+pub enum StructureFromMotionError {
     #[error(
         "frames: features on the object match between too few of them ({matched} matches in the best pair); take sharper, larger or more pictures, closer in time"
     )]
@@ -71,7 +71,7 @@ pub enum MotionError {
     Library(String),
 }
 
-impl From<cxx::Exception> for MotionError {
+impl From<cxx::Exception> for StructureFromMotionError {
     fn from(error: cxx::Exception) -> Self {
         Self::Library(crate::image::one_line(error.what()))
     }
@@ -81,6 +81,10 @@ impl From<cxx::Exception> for MotionError {
 ///
 /// # Errors
 /// No two frames with enough in common.
-pub fn motion(matching: &Matching, camera: &Pinhole, options: &MotionOptions) -> Result<Motion, MotionError> {
+pub fn motion(
+    matching: &Matching,
+    camera: &Pinhole,
+    options: &MotionOptions,
+) -> Result<Motion, StructureFromMotionError> {
     Reconstruction::start(matching, camera, options)?.grow()
 }

@@ -24,14 +24,14 @@ pub type Observer = dyn Fn(&Progress) -> bool + Send + Sync;
 pub type LogSink = dyn Fn(Severity, &str) + Send + Sync;
 
 /// Calls an observer from many threads, one at a time, until it says stop.
-pub struct Watch<'a> {
+pub struct SerialObserver<'a> {
     observer: Option<&'a Observer>,
     began: Instant,
     stopped: AtomicBool,
     one_at_a_time: Mutex<()>,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> SerialObserver<'a> {
     pub fn new(observer: Option<&'a Observer>) -> Self {
         Self {
             observer,
