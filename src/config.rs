@@ -20,12 +20,17 @@ pub struct Config {
     pub prior: String,
     /// Threads over pose hypotheses; 0 = one per core. The result does not depend on it.
     pub threads: usize,
+    /// The input: its depth, its frames and its target frame.
     pub input: InputOptions,
     /// Where the style and the poses start.
     pub start: StartOptions,
+    /// The search for starting points.
     pub init: InitOptions,
+    /// The objective's weights and the sizes of its samples.
     pub objective: ObjectiveOptions,
+    /// The minimiser, the strategy and the stopping rules.
     pub solver: SolverOptions,
+    /// What the result folder holds besides the solution.
     pub output: OutputOptions,
 }
 
@@ -122,6 +127,10 @@ impl InputOptions {
         }
     }
 
+    /// These options as [`load`](crate::sequence::load) takes them.
+    ///
+    /// # Errors
+    /// `frames` is no range of frames, or `every` is 0.
     pub fn load_options(&self) -> Result<LoadOptions, WindowError> {
         Ok(LoadOptions {
             depth: self.depth.clone(),
@@ -141,13 +150,31 @@ pub struct TargetError {
 /// Why a configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
+    /// The configuration file cannot be read.
     #[error("{}: cannot read the configuration: {problem}", path.display())]
-    Read { path: PathBuf, problem: std::io::Error },
+    Read {
+        /// The configuration file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// The configuration file is no TOML, or a key in it is unknown or out of range.
     #[error("{}: {message}", path.display())]
-    Parse { path: PathBuf, message: String },
+    Parse {
+        /// The configuration file.
+        path: PathBuf,
+        /// The line, the key, what is wrong and how to mend it.
+        message: String,
+    },
     /// A key from the command line, `given` as it stands there.
     #[error("{given}: {message}")]
-    Setting { given: String, message: String },
+    Setting {
+        /// The setting as it stands on the command line, `key=value`.
+        given: String,
+        /// What is wrong with it, and how to mend it.
+        message: String,
+    },
+    /// The configuration holds a value that TOML cannot express.
     #[error("the configuration has no form in TOML: {0}")]
     Write(#[from] toml::ser::Error),
 }

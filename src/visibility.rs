@@ -9,7 +9,7 @@
 
 mod surfels;
 
-pub use surfels::{Neighbourhoods, Surfels};
+pub(crate) use surfels::{Neighbourhoods, Surfels};
 
 use crate::geometry::{Pinhole, Pose, Vector3};
 

@@ -15,6 +15,7 @@ pub struct TurnErrors {
     pub offset_deg: f64,
     /// One per frame.
     pub errors_deg: Vec<f64>,
+    /// Mean and maximum of `errors_deg`, degrees.
     pub summary: MeanMax,
 }
 

@@ -5,9 +5,13 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 /// Pinhole intrinsics in pixels; the centre of the top-left pixel is (0.5, 0.5).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Pinhole {
+    /// The focal length along x, pixels.
     pub fx: f64,
+    /// The focal length along y, pixels.
     pub fy: f64,
+    /// The column of the principal point, pixels.
     pub cx: f64,
+    /// The row of the principal point, pixels.
     pub cy: f64,
 }
 

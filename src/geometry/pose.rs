@@ -7,11 +7,14 @@ use serde::{Deserialize, Serialize};
 /// A rigid transform `b_from_a`: `x_b = rotation x_a + translation`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
+    /// The rotation R of `x_b = R x_a + t`.
     pub rotation: Rotation3<f64>,
+    /// The translation t of `x_b = R x_a + t`, in units of both frames.
     pub translation: Vector3<f64>,
 }
 
 impl Pose {
+    /// The pose that leaves every point where it is.
     pub fn identity() -> Self {
         Self {
             rotation: Rotation3::identity(),

@@ -5,8 +5,11 @@ use nalgebra::{Rotation3, Vector3};
 /// `x_b = scale · rotation x_a + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
+    /// The factor by which lengths grow from frame a to frame b; more than 0.
     pub scale: f64,
+    /// The rotation from frame a to frame b.
     pub rotation: Rotation3<f64>,
+    /// The origin of frame a in frame b, in units of b.
     pub translation: Vector3<f64>,
 }
 

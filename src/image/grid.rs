@@ -25,6 +25,7 @@ impl DepthMap {
 }
 
 impl<T: Clone> Grid<T> {
+    /// A raster of `width` × `height` pixels that all hold `value`.
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self {
             width,
@@ -40,15 +41,18 @@ impl<T> Grid<T> {
         (data.len() == width * height).then_some(Self { width, height, data })
     }
 
+    /// A raster of `width` × `height` pixels; `pixel` gives the value at (column, row).
     pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> T) -> Self {
         let data = (0..width * height).map(|i| pixel(i % width, i / width)).collect();
         Self { width, height, data }
     }
 
+    /// The number of columns.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// The number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -58,18 +62,22 @@ impl<T> Grid<T> {
         (self.width, self.height)
     }
 
+    /// The pixels, row after row.
     pub fn data(&self) -> &[T] {
         &self.data
     }
 
+    /// The pixels, row after row, without a copy.
     pub fn into_data(self) -> Vec<T> {
         self.data
     }
 
+    /// The pixels, row after row, to be changed in place.
     pub fn data_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
+    /// The pixel at (`column`, `row`); `None` outside the raster.
     pub fn get(&self, column: usize, row: usize) -> Option<&T> {
         (column < self.width && row < self.height).then(|| &self.data[row * self.width + column])
     }

@@ -11,10 +11,10 @@ mod templates;
 #[cfg(test)]
 mod testing;
 
-pub use hypotheses::{HypothesisOptions, PoseHypothesis, pose_hypotheses};
+pub use hypotheses::{HypothesisOptions, PoseHypothesis};
 pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at, initialise_while};
 pub use motion::cameras_from_input;
-pub use scale::scale_from_inverse_depth;
+pub(crate) use scale::scale_from_inverse_depth;
 pub use templates::TemplateGrid;
 
 use crate::geometry::{Pinhole, Pose, Similarity};

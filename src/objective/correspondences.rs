@@ -16,8 +16,11 @@ use std::sync::Arc;
 /// A point whose colours in two frames are compared (Eq. 4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparedPoint {
+    /// The point's index in the prior's order.
     pub point: u32,
+    /// The index of the first frame.
     pub frame_a: u32,
+    /// The index of the second frame.
     pub frame_b: u32,
     /// Its cost is weight / 2 · ρ(‖residual‖²), here and below.
     pub weight: f64,
@@ -26,10 +29,13 @@ pub struct ComparedPoint {
 /// Off-the-shelf inverse depth where a frame sees a point (Eq. 6), in the input's units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnownInverseDepth {
+    /// The point's index in the prior's order.
     pub point: u32,
+    /// The index of the frame.
     pub frame: u32,
     /// (column, row).
     pub pixel: [f64; 2],
+    /// The given inverse depth 1 / z at `pixel`, per input unit.
     pub inverse_depth: f64,
     /// By column and row, per pixel.
     pub slope: [f64; 2],
@@ -42,6 +48,7 @@ pub struct SilhouetteMatches {
     pub pixels: Vec<[f64; 2]>,
     /// Per pixel, the nearest point.
     pub point_of_pixel: Vec<u32>,
+    /// The weight of every pixel's residual; the cost is weight / 2 · ρ(‖residual‖²).
     pub pixel_weight: f64,
     /// Per point, of the first so many, the nearest pixel of the mask.
     pub pixel_of_point: Vec<[f64; 2]>,
@@ -229,10 +236,12 @@ impl Correspondences {
         self.matcher.style_len()
     }
 
+    /// The pairs of colours that the photometric term compares (Eq. 4).
     pub fn compared(&self) -> &[ComparedPoint] {
         &self.compared
     }
 
+    /// The given inverse depths that the points are compared with (Eq. 6).
     pub fn depths(&self) -> &[KnownInverseDepth] {
         &self.depths
     }
@@ -264,6 +273,7 @@ impl Correspondences {
         (weight / (unit * unit), term.huber_width * unit)
     }
 
+    /// The weight of ‖s‖² in the objective: the cost is weight / 2 · ‖s‖².
     pub fn style_weight(&self) -> f64 {
         self.terms.style.weight
     }

@@ -37,7 +37,9 @@ impl FromStr for Focal {
 /// How a focal length is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FocalSource {
+    /// The caller gave it.
     Flag,
+    /// All pictures' EXIF data give it.
     Exif,
     /// Neither: found with the motion.
     Refined,
@@ -146,7 +148,7 @@ mod tests {
             seconds: None,
             focal_px,
             scale: 0.5,
-            origin: crate::prepare::Origin::Video,
+            origin: crate::prepare::photos::Origin::Video,
         }
     }
 

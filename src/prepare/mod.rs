@@ -5,7 +5,7 @@ mod depth;
 mod error;
 mod focal;
 mod masks;
-pub mod motion;
+mod motion;
 mod photos;
 mod refine;
 mod save;
@@ -17,8 +17,9 @@ pub use depth::DepthOptions;
 pub use error::PrepareError;
 pub use focal::{Focal, FocalSource};
 pub use masks::{MaskOptions, NetworkError, ObjectBox, masks_by_shape};
-pub use motion::MotionOptions;
-pub use photos::{Input, Origin, Photo, PhotoOptions, Photos};
+pub use motion::{MotionOptions, StructureFromMotionError};
+pub use photos::{Input, PhotoOptions};
+pub(crate) use photos::{Photo, Photos};
 pub use refine::RefineOptions;
 pub use save::{remove_stale, save};
 pub use stamp::Stamp;
@@ -27,7 +28,7 @@ use crate::image::{DepthMap, Mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
-use motion::{FocalEvidence, MaskedImage, Motion, StructureFromMotionError};
+use motion::{FocalEvidence, MaskedImage, Motion};
 use std::path::Path;
 use std::time::Instant;
 
@@ -38,11 +39,17 @@ const MOTION_DEVIATION: f64 = 0.001;
 /// What can be chosen.
 #[derive(Clone, Debug, Default)]
 pub struct PrepareOptions {
+    /// Which frames are chosen, and their size.
     pub photos: PhotoOptions,
+    /// The focal length, where the caller knows it; `None` takes EXIF data or finds it with the motion.
     pub focal: Option<Focal>,
+    /// Where the masks come from.
     pub masks: MaskOptions,
+    /// The search for the camera's motion.
     pub motion: MotionOptions,
+    /// The plane sweep that gives depth.
     pub depth: DepthOptions,
+    /// The adjustment of motion and depth after the sweep.
     pub refine: RefineOptions,
 }
 
@@ -57,9 +64,11 @@ pub struct Prepared {
 /// What a stage did.
 #[derive(Clone, Debug)]
 pub struct StageReport {
+    /// The stage: `frames`, `masks`, `motion` …
     pub name: &'static str,
     /// Counts and what to know, for people.
     pub words: String,
+    /// Wall-clock seconds.
     pub seconds: f64,
     /// Of the process, in MB (10⁶ bytes), where the system tells it.
     pub peak_memory_mb: Option<f64>,

@@ -33,7 +33,9 @@ impl Default for PhotoOptions {
 /// Where frames come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
+    /// A video file.
     Video(PathBuf),
+    /// Pictures of a folder.
     Photos {
         /// By name, numbers in it by their value.
         files: Vec<PathBuf>,

@@ -22,7 +22,9 @@ pub struct FieldModes {
 /// One squared-exponential term of a covariance: amplitude² exp(−|p − q|² / 2 length²), both in diagonals.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FieldScale {
+    /// The standard deviation of the displacement, diagonals.
     pub amplitude: f64,
+    /// The distance over which displacements are alike, diagonals.
     pub length: f64,
 }
 

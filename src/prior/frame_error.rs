@@ -22,7 +22,9 @@ const IMAGE_PX: usize = 256;
 /// The similarity by which the prior misplaces a shape: x_found = scale · R x + t.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameError {
+    /// The factor on lengths; 1 without an error.
     pub scale: f64,
+    /// The rotation R.
     pub rotation: Rotation3<f64>,
     /// In diagonals.
     pub translation: V3,
@@ -39,6 +41,7 @@ impl FrameError {
 /// Which of a shape's points the fit gets to see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
+    /// All of them.
     All,
     /// Those that a camera at the front right sees.
     FromFrontRight,

@@ -21,7 +21,7 @@ mod surface_sheet;
 
 #[cfg(feature = "cad")]
 pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
-pub use field::{FieldModes, FieldScale, field_modes};
+pub use field::FieldScale;
 #[cfg(feature = "study")]
 pub(crate) use file::bundled;
 #[cfg(fuzzing)]
@@ -33,7 +33,8 @@ pub use file::{
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
-pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, subdivided, write_mesh};
+pub(crate) use mesh::subdivided;
+pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, write_mesh};
 #[cfg(feature = "cad")]
 pub use sheet::contact_sheet;
 pub use surface::{FrameDerivative, FreeForm, SurfacePoint, SurfacePrior};

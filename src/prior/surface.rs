@@ -35,6 +35,7 @@ pub struct FrameDerivative {
 /// A place on the half-mesh that goes along with it: a face, and the weights of its corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
+    /// An index into the half-mesh's faces.
     pub face: u32,
     /// Of the second and the third corner; the first has the rest.
     pub weights: [f32; 2],

@@ -28,12 +28,15 @@ pub struct ExampleOptions {
     pub sequences: usize,
     /// Frames each.
     pub frames: usize,
+    /// The seed of cameras, styles and light.
     pub seed: u64,
 }
 
 /// A CAD model (object frame) and the style that comes nearest to it.
 pub struct Model<'a> {
+    /// The model's triangles.
     pub mesh: &'a Mesh,
+    /// The style, S entries.
     pub style: Vec<f64>,
 }
 
@@ -94,10 +97,12 @@ impl Examples {
         Self { frames, styles }
     }
 
+    /// The number of sequences, each with the style that it shows.
     pub fn len(&self) -> usize {
         self.styles.len()
     }
 
+    /// Whether there is no sequence.
     pub fn is_empty(&self) -> bool {
         self.styles.is_empty()
     }

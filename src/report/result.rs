@@ -16,6 +16,7 @@ const ROTATION_TOLERANCE: f64 = 1e-6;
 /// `result.json`, key by key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
+    /// The version of this file's layout.
     pub schema: u32,
     /// The program's version.
     pub version: String,
@@ -23,6 +24,7 @@ pub struct RunResult {
     pub input: String,
     /// The shape prior's name and version.
     pub prior: String,
+    /// One entry per frame, in the sequence's order.
     pub frames: Vec<FrameResult>,
     /// s, S entries.
     pub style: Vec<f64>,
@@ -42,8 +44,11 @@ pub struct RunResult {
     /// What one object unit is in metres, where the object's real length was given.
     #[serde(default)]
     pub metres_per_unit: Option<f64>,
+    /// The objective at the solve's start and end.
     pub objective: ObjectiveSpan,
+    /// The mean of the frames' silhouette IoU.
     pub silhouette_iou_mean: f64,
+    /// The mean of the frames' density.
     pub density_mean: f64,
     /// Half of the shape's points have a smaller standard deviation; `None` where nothing says so.
     #[serde(default)]
@@ -51,18 +56,24 @@ pub struct RunResult {
     /// Names of the frames whose masks were decided anew where the shape did not explain them.
     #[serde(default)]
     pub masks_anew: Vec<String>,
+    /// Evaluations of the main solve and of the free form's stage, counted by Ceres; short solves are left out.
     pub evaluations: Evaluations,
+    /// Ceres iterations of the main solve and of the free form's stage; short solves are left out.
     pub iterations: usize,
+    /// Why the last stage of the solve stopped.
     pub termination: Termination,
     /// Stage name → wall-clock seconds.
     pub seconds: BTreeMap<String, f64>,
+    /// The most memory that the process used, MB (10⁶ bytes); `None` where the system does not tell.
     pub peak_memory_mb: Option<f64>,
+    /// One entry per pose hypothesis, after its short solve.
     pub hypotheses: Vec<HypothesisOutcome>,
 }
 
 /// One frame of `result.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameResult {
+    /// The frame's name.
     pub name: String,
     /// `camera_from_object`, row by row; x right, y down, z forward in the camera.
     pub rotation: [[f64; 3]; 3],
@@ -82,16 +93,20 @@ pub struct FrameResult {
 /// x_object = scale · rotation x_input + translation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimilarityRecord {
+    /// The factor on lengths.
     pub scale: f64,
     /// Row by row.
     pub rotation: [[f64; 3]; 3],
+    /// The translation, object units.
     pub translation: [f64; 3],
 }
 
 /// The objective before the first and after the last iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObjectiveSpan {
+    /// The value before the first iteration.
     pub start: ObjectiveValue,
+    /// The value after the last iteration.
     pub end: ObjectiveValue,
 }
 
@@ -108,6 +123,7 @@ impl RunResult {
 }
 
 impl FrameResult {
+    /// The record of a frame: its name, its pose, and its two measures in \[0, 1\].
     pub fn new(name: &str, camera_from_object: &Pose, silhouette_iou: f64, density: f64) -> Self {
         Self {
             name: name.to_owned(),

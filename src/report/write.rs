@@ -19,7 +19,9 @@ use std::path::{Path, PathBuf};
 
 /// What goes into a result folder.
 pub struct ReportInput<'a> {
+    /// The sequence that was solved.
     pub sequence: &'a Sequence,
+    /// What the solve found.
     pub solution: &'a Solution,
     /// The shape found: [`Surface::of`].
     pub surface: &'a Surface,
@@ -42,11 +44,13 @@ pub struct ReportInput<'a> {
 /// What was written, and where.
 #[derive(Clone, Debug)]
 pub struct Written {
+    /// The result folder.
     pub folder: PathBuf,
     /// The first thing to look at, in a browser.
     pub page: PathBuf,
     /// All frames with the shape over them, as one picture.
     pub contact_sheet: PathBuf,
+    /// The content of `result.json`.
     pub result: RunResult,
     /// What speaks against the result.
     pub doubts: Doubts,

@@ -16,6 +16,7 @@ use std::path::Path;
 pub struct SequenceContent {
     /// The folder's name.
     pub name: String,
+    /// The frames, in order of time.
     pub frames: Vec<Frame>,
     /// Standard deviation, in diagonals of the object, of where the off-the-shelf poses take its points between two frames; None
     /// where nobody vouches for them.

@@ -18,9 +18,11 @@ const SUSPICIOUS_BORDER: f64 = 0.5;
 /// What an input holds.
 #[derive(Debug)]
 pub struct Examination {
+    /// The input's name.
     pub name: String,
     /// `sequence folder`, `COLMAP workspace` …
     pub kind: &'static str,
+    /// One entry per frame, in order.
     pub frames: Vec<FrameExamination>,
     /// What a user should know but need not mend.
     pub notes: Vec<String>,
@@ -43,14 +45,19 @@ impl Examination {
 /// What one frame holds; `None` where it could not be read.
 #[derive(Clone, Debug)]
 pub struct FrameExamination {
+    /// The frame's name.
     pub name: String,
+    /// The frame's intrinsics, pixels.
     pub camera: Pinhole,
     /// The image's (width, height).
     pub size: Option<(usize, usize)>,
+    /// The shape of the mask; `None` where there is none that can be read.
     pub mask: Option<MaskSummary>,
     /// Share of the mask's pixels with off-the-shelf depth, in \[0, 1\].
     pub depth_share: Option<f64>,
+    /// Whether the input gives the frame's pose.
     pub has_pose: bool,
+    /// The time at which the frame was taken, seconds; `None` where the input does not tell.
     pub timestamp_s: Option<f64>,
 }
 

@@ -83,11 +83,15 @@ pub(crate) fn same_frame(a: &str, b: &str) -> bool {
 /// One undistorted frame. Image, mask and depth have one size.
 #[derive(Clone, Debug)]
 pub struct Frame {
+    /// The frame's name, once only in its sequence.
     pub name: String,
     /// Shared with whoever looks at it for long, as the solver.
     pub image: Arc<RgbImage>,
+    /// True on the object.
     pub mask: Mask,
+    /// The intrinsics, pixels.
     pub camera: Pinhole,
+    /// The time at which the frame was taken, seconds; `None` where the input does not tell.
     pub timestamp_s: Option<f64>,
     /// x_cam' = R' x' + t' in the off-the-shelf reconstruction's own frame and units (Eq. 10).
     pub camera_from_input: Option<Pose>,

@@ -7,24 +7,31 @@ use std::path::PathBuf;
 pub struct LoadOptions {
     /// A folder with openMVS's `scene.mvs` and `depth*.dmap`, for COLMAP workspaces.
     pub depth: Option<PathBuf>,
+    /// Which frames are loaded.
     pub window: FrameWindow,
 }
 
 /// Frames `start`, `start + every`, … before `end` (an index into the sorted frames, exclusive; `None` = all).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameWindow {
+    /// The index of the first frame.
     pub start: usize,
+    /// The index after that of the last frame; `None` takes all.
     pub end: Option<usize>,
     /// At least 1.
     pub every: usize,
 }
 
+/// Why a range of frames cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum WindowError {
+    /// The text is no range. The field is the text.
     #[error("`{0}` is no frame range; write start..end, start.. or ..end, such as 0..16")]
     Syntax(String),
+    /// The range ends where or before it begins. The field is the range.
     #[error("`{0}` holds no frame; its end must lie beyond its start")]
     Empty(String),
+    /// The step is 0.
     #[error("0 is no step; --every must be at least 1")]
     ZeroStep,
 }

@@ -47,12 +47,16 @@ const FREE_ITERATIONS: u32 = 10;
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
+    /// An option is out of range. The fields are its key and what to give instead.
     #[error("option {0}: {1}")]
     Option(&'static str, &'static str),
+    /// The initialisation gave no starting point.
     #[error("no start: the initialisation found no pose")]
     NoStart,
+    /// The objective cannot be built or evaluated.
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
+    /// The shape with the free form is no prior.
     #[error("the prior's free form: {0}")]
     Prior(#[from] InvalidPrior),
 }
@@ -290,6 +294,7 @@ fn check(options: &SolverOptions) -> Result<(), SolveError> {
 /// The best of the short solves.
 #[derive(Clone, Debug)]
 pub struct ShortSolves {
+    /// The variables after the best short solve.
     pub estimate: Estimate,
     /// The index of its start.
     pub chosen: usize,
@@ -297,6 +302,7 @@ pub struct ShortSolves {
     pub interrupted: bool,
     /// Per start: the objective before and after, comparable among them alone.
     pub objectives: Vec<(f64, f64)>,
+    /// The iterations of all short solves.
     pub trace: Vec<TraceRow>,
     /// As in [`Solution::seconds`].
     pub seconds: Vec<(String, f64)>,

@@ -15,9 +15,13 @@ pub enum LinearSolver {
     /// Eliminates all poses but the target's, as the two below; for the joint strategy over blocks and
     /// the pairs of a star only.
     DenseSchur,
+    /// Ceres's `SPARSE_SCHUR`: the same elimination, with a sparse factorisation of what is left.
     SparseSchur,
+    /// Ceres's `ITERATIVE_SCHUR`: the same elimination, with conjugate gradients on what is left.
     IterativeSchur,
+    /// Ceres's `SPARSE_NORMAL_CHOLESKY`, a sparse factorisation of JᵀJ.
     SparseNormalCholesky,
+    /// Ceres's `DENSE_NORMAL_CHOLESKY`, a dense factorisation of JᵀJ.
     DenseNormalCholesky,
 }
 
@@ -25,9 +29,12 @@ pub enum LinearSolver {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
+    /// The minimum of the cubic through the last values and slopes.
     #[default]
     Cubic,
+    /// The minimum of the parabola through the last values and slopes.
     Quadratic,
+    /// The middle of the bracket.
     Bisection,
 }
 
@@ -70,6 +77,7 @@ pub enum Minimiser {
         /// Trust-region radius of the first step. Ceres's default is 1e4.
         #[serde(default = "default_trust_region_radius")]
         initial_trust_region_radius: f64,
+        /// The linear solver of every step.
         #[serde(default)]
         linear_solver: LinearSolver,
     },
@@ -78,15 +86,18 @@ pub enum Minimiser {
         /// How many past steps approximate the Hessian.
         #[serde(default = "default_lbfgs_rank")]
         rank: u32,
+        /// How the line search chooses its next trial.
         #[serde(default)]
         interpolation: Interpolation,
     },
 }
 
+/// Ceres's own trust-region radius of the first step, 1e4.
 pub const fn default_trust_region_radius() -> f64 {
     1e4
 }
 
+/// The default number of past steps that L-BFGS remembers, 20.
 pub const fn default_lbfgs_rank() -> u32 {
     20
 }
@@ -128,9 +139,11 @@ pub enum MotionStart {
 pub struct SolverOptions {
     /// The paper's is L-BFGS.
     pub minimiser: Minimiser,
+    /// How the objective is evaluated for Ceres.
     pub evaluation: Evaluation,
     /// The paper's is `alternating`.
     pub strategy: Strategy,
+    /// Where the source frames' motion Δp_l starts.
     pub motion_start: MotionStart,
     /// How α is found: in every solver call (`variable`), or between calls by the paper's Eq. 8 (`regression`).
     pub scale_update: ScaleUpdate,

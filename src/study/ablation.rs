@@ -14,8 +14,10 @@ pub struct Entry {
     pub run: Run,
 }
 
+/// The records of the ablation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ablation {
+    /// One entry per change and sequence.
     pub entries: Vec<Entry>,
 }
 

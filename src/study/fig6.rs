@@ -7,6 +7,7 @@ use std::path::Path;
 
 /// Per row of Table 1 that has depth against truth: its label and the pooled histogram.
 pub struct Fig6 {
+    /// Per method, its label and the depth errors of all sequences in one histogram.
     pub rows: Vec<(String, DepthHistogram)>,
 }
 

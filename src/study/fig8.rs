@@ -32,8 +32,10 @@ pub struct Point {
     pub location_error_percent: f64,
 }
 
+/// The records of Fig. 8: errors against the perturbation of the start.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fig8 {
+    /// One entry per sequence, method and start.
     pub points: Vec<Point>,
 }
 
@@ -133,6 +135,7 @@ pub fn fig8(
 }
 
 impl Fig8 {
+    /// The numbers behind the figure: a row per sequence, method and start.
     pub fn table(&self) -> Table {
         let mut table = Table::new(&[
             "method",

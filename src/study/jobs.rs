@@ -16,6 +16,7 @@ pub trait StudyObserver: Sync {
     fn planned(&self, jobs: usize);
     /// A solver's iteration within a job; false stops the study.
     fn iteration(&self, job: &str, row: &TraceRow) -> bool;
+    /// A job is done, and its record is kept.
     fn finished(&self, job: &str);
 }
 

@@ -10,11 +10,13 @@ use serde::{Deserialize, Serialize};
 /// Means over the frames of one sequence (the depth error's over pixels), by truth where there is one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
+    /// Mean angle between estimated and true rotations, degrees.
     pub orientation_error_deg: Option<f64>,
     /// % of the object's diagonal.
     pub location_error_percent: Option<f64>,
     /// The same two after the first camera is given and the scale fitted.
     pub aligned_orientation_error_deg: Option<f64>,
+    /// Mean distance of the camera centres after that alignment, % of the object's diagonal.
     pub aligned_location_error_percent: Option<f64>,
     /// Object units (diagonals).
     pub depth_error: Option<f64>,
@@ -22,11 +24,13 @@ pub struct Measures {
     pub depth_error_at_best_scale: Option<f64>,
     /// By the true silhouettes, or the given masks.
     pub density: Option<f64>,
+    /// Mean IoU with the true silhouettes, or with the given masks.
     pub silhouette_iou: Option<f64>,
     /// % of the object's diagonal.
     pub chamfer_percent: Option<f64>,
     /// Rotation error against a turning platform.
     pub turn_error_deg: Option<f64>,
+    /// The absolute depth errors of all pixels, where the truth is known.
     pub depth_errors: Option<DepthHistogram>,
 }
 

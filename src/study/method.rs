@@ -13,19 +13,23 @@ const ZHU: &str = include_str!("../../data/zhu.toml");
 pub struct Method {
     /// Short, for files.
     pub name: String,
+    /// The name in tables and figures.
     pub label: String,
+    /// The configuration that is the method.
     pub config: Config,
 }
 
 /// How much of a study is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
+    /// Everything, as in the paper's tables.
     Full,
     /// Minutes, to see that all works; the figures mean nothing.
     Quick,
 }
 
 impl Method {
+    /// A method of this file name, label and configuration.
     pub fn new(name: &str, label: &str, config: Config) -> Self {
         Self {
             name: name.to_owned(),

@@ -18,7 +18,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// One sequence.
 pub struct Subject {
+    /// The sequence's name in tables.
     pub name: String,
+    /// The frames, and the truth where it is known.
     pub sequence: Sequence,
     /// Of a natural sequence.
     pub platform: Option<Platform>,
@@ -39,13 +41,21 @@ pub struct Start {
 pub struct Run {
     /// Before the free form, in the prior's frame.
     pub joint: Estimate,
+    /// The final variables, canonical object frame.
     pub estimate: Estimate,
+    /// The errors of `estimate` and its shape.
     pub measures: Measures,
+    /// The objective before the first iteration.
     pub objective_start: ObjectiveValue,
+    /// The objective after the last iteration.
     pub objective_end: ObjectiveValue,
+    /// Evaluations counted by Ceres.
     pub evaluations: Evaluations,
+    /// Ceres iterations.
     pub iterations: usize,
+    /// Why the solve stopped.
     pub termination: Termination,
+    /// Processor seconds of the solve, the free form's included.
     pub cpu_seconds: f64,
 }
 

@@ -60,6 +60,7 @@ pub struct Entry {
 /// All records of the table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Table1 {
+    /// The rows, in the printed order.
     pub rows: Vec<Row>,
 }
 

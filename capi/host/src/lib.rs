@@ -3,6 +3,8 @@
 //!
 //! A crate apart from `spba-capi`, whose arguments for the linker cargo also hands to every shared library that depends on it.
 
+#![warn(missing_docs)]
+
 pub mod fault;
 pub mod frames;
 pub mod log;

@@ -101,15 +101,5 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// z at the pixel centres alone: what visibility and outside points need, without shading.
-pub fn depth(mesh: &Mesh, view: &Viewpoint) -> DepthMap {
-    let fragments = Fragments::of(mesh, view);
-    Grid::from_fn(view.width, view.height, |column, row| {
-        fragments
-            .hit((column, row))
-            .map_or(0.0, |hit| (1.0 / hit.inverse_depth) as f32)
-    })
-}
-
 #[cfg(test)]
 mod tests;

@@ -13,7 +13,7 @@ mod outside;
 pub use benchmark::{Benchmark, renderer_digest};
 pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput, Via};
 pub use lighting::Lighting;
-pub use outside::outside_points;
+pub(crate) use outside::outside_points;
 
 use super::blender::Pictures;
 use super::random::Random;

@@ -25,9 +25,13 @@ use std::str::FromStr;
 /// A box in pixels of the original pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectBox {
+    /// The column of the left edge.
     pub left: f64,
+    /// The row of the upper edge.
     pub top: f64,
+    /// The box's width.
     pub width: f64,
+    /// The box's height.
     pub height: f64,
 }
 

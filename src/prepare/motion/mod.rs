@@ -61,12 +61,18 @@ pub struct Motion {
 /// Why there is no motion.
 #[derive(Debug, thiserror::Error)]
 pub enum StructureFromMotionError {
+    /// No two frames have enough features in common.
     #[error(
         "frames: features on the object match between too few of them ({matched} matches in the best pair); take sharper, larger or more pictures, closer in time"
     )]
-    NoPair { matched: usize },
+    NoPair {
+        /// The matches of the best pair.
+        matched: usize,
+    },
+    /// The caller stopped the work.
     #[error("interrupted")]
     Interrupted,
+    /// OpenCV or Ceres threw an exception. The field is its message.
     #[error("OpenCV or Ceres: {0}")]
     Library(String),
 }

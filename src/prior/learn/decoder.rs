@@ -20,6 +20,7 @@ pub struct DecoderOptions {
     pub styles: usize,
     /// Outputs of each of the two hidden layers.
     pub width: usize,
+    /// The seed of the starting weights and of the batches.
     pub seed: u64,
 }
 

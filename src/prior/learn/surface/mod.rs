@@ -35,6 +35,7 @@ const ASYMMETRY: f64 = 0.2;
 
 /// Models in correspondence: the half's vertices on each.
 pub struct Registered {
+    /// Per model, the vertices of the half x ≥ 0, object frame.
     pub shapes: Vec<Vec<V3>>,
 }
 
@@ -98,6 +99,7 @@ pub struct SurfaceOptions {
     pub modes: usize,
     /// The free form's covariance.
     pub scales: Vec<FieldScale>,
+    /// The seed by which points are drawn on the surface.
     pub seed: u64,
 }
 
