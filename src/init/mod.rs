@@ -14,7 +14,7 @@ mod testing;
 pub use hypotheses::{HypothesisOptions, PoseHypothesis};
 pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at, initialise_while};
 pub use motion::cameras_from_input;
-pub(crate) use scale::scale_from_inverse_depth;
+pub use scale::scale_from_inverse_depth;
 pub use templates::TemplateGrid;
 
 use crate::geometry::{Pinhole, Pose, Similarity};

@@ -21,7 +21,7 @@ mod surface_sheet;
 
 #[cfg(feature = "cad")]
 pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
-pub use field::FieldScale;
+pub use field::{FieldModes, FieldScale, field_modes};
 #[cfg(feature = "study")]
 pub(crate) use file::bundled;
 #[cfg(fuzzing)]

@@ -28,8 +28,7 @@ mod write;
 #[cfg(test)]
 pub(crate) mod fixture;
 
-pub(crate) use crate::memory::forget_peak_memory;
-pub use crate::memory::peak_memory_mb;
+pub use crate::memory::{forget_peak_memory, peak_memory_mb};
 use doubts::style_length;
 pub use doubts::{Doubts, doubts};
 pub use folder::{check_out, file_stems};

@@ -10,7 +10,9 @@ use std::time::Instant;
 pub struct Progress<'a> {
     /// `initialise`, or as in `trace.csv`.
     pub stage: &'a str,
+    /// The solver call within the stage.
     pub step: usize,
+    /// The Ceres iteration within the call; 0 is its start.
     pub iteration: usize,
     /// Not a number before the first iteration.
     pub objective: f64,
@@ -32,6 +34,7 @@ pub struct SerialObserver<'a> {
 }
 
 impl<'a> SerialObserver<'a> {
+    /// Calls `observer`; without one every call goes on.
     pub fn new(observer: Option<&'a Observer>) -> Self {
         Self {
             observer,

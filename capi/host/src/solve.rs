@@ -20,11 +20,13 @@ use tracing::dispatcher::with_default;
 
 /// What a solve found, and what follows from it.
 pub struct Solved {
+    /// The variables, the objective and the trace.
     pub solution: Solution,
     /// `None` where no frame has a pose.
     pub object_from_world: Option<Similarity>,
     /// xyz after xyz, object frame.
     pub points: Vec<f64>,
+    /// Outward unit normals of the points, xyz after xyz, object frame.
     pub normals: Vec<f64>,
     /// Indices of points, three a face.
     pub faces: Vec<u32>,
