@@ -139,7 +139,7 @@ impl InputOptions {
     }
 }
 
-/// No such target frame.
+/// The configured target is none of the frames.
 #[derive(Debug, thiserror::Error)]
 #[error("target {target}: there are {frames} frames in use; give 0 to {}", frames - 1)]
 pub struct TargetError {
@@ -158,7 +158,7 @@ pub enum ConfigError {
         /// The operating system's error.
         problem: std::io::Error,
     },
-    /// The configuration file is no TOML, or a key in it is unknown or out of range.
+    /// The configuration file is no TOML, a key in it is unknown, or a value is none that the key can hold.
     #[error("{}: {message}", path.display())]
     Parse {
         /// The configuration file.
@@ -201,12 +201,29 @@ const ABSENT: [(&str, &str, &str, &str); 4] = [
 const MEND: &str = "`spba-ceres solve --print-config` shows every key with a value";
 
 impl Config {
-    /// Reads a TOML file; unknown keys are errors.
+    /// Reads a TOML file. Keys that it does not name keep their defaults.
+    ///
+    /// # Errors
+    /// A file that cannot be read, no TOML, an unknown key, a value that the key cannot hold.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         Self::layered(Some(path), &[])
     }
 
-    /// Likewise, of a text, which `name` stands for in messages.
+    /// Parses the text of a configuration file; messages call it `name`.
+    ///
+    /// ```
+    /// use spba_ceres::config::Config;
+    /// use std::path::Path;
+    ///
+    /// let config = Config::parse("solver = { max_steps = 3 }", Path::new("mine"))?;
+    /// assert_eq!(config.solver.max_steps, 3);
+    /// assert_eq!(config.solver.levels, Config::default().solver.levels);
+    /// assert!(Config::parse("solver = { steps = 3 }", Path::new("mine")).is_err());
+    /// # Ok::<(), spba_ceres::config::ConfigError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// No TOML, an unknown key, a value that the key cannot hold.
     pub fn parse(text: &str, name: &Path) -> Result<Self, ConfigError> {
         Self::laid_over_defaults(Some((table(text, name)?, name)), &[])
     }

@@ -28,7 +28,7 @@ pub mod ffi {
         object: Vec<f64>,
     }
 
-    /// Which features.
+    /// The options of feature detection.
     #[derive(Clone, Copy, Debug)]
     struct DetectOptions {
         /// The image is looked at so many times larger.

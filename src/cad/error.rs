@@ -38,7 +38,7 @@ pub enum CadError {
     /// A value of a scene file is out of range.
     #[error("{field}: {problem}")]
     Scene {
-        /// Of the scene file.
+        /// The key in the scene file.
         field: &'static str,
         /// What is wrong with the value, and how to mend it.
         problem: String,

@@ -21,7 +21,7 @@ pub struct Progress {
 struct Shown {
     stage: String,
     began: Instant,
-    /// Of the last plain line.
+    /// When the last plain line was written.
     last: Instant,
 }
 

@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 /// The platform turns at a constant rate; image i was taken `seconds` after the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Platform {
-    /// T, one full turn.
+    /// The time of one full turn, seconds.
     pub full_turn_s: f64,
     /// +1 or −1. Only the sign of the fitted axis depends on it.
     pub sense: f64,
-    /// (image name, seconds), in the file's order.
+    /// Each image's name and time in seconds, in the file's order.
     pub times: Vec<(String, f64)>,
 }
 

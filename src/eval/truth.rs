@@ -20,7 +20,7 @@ pub struct FrameErrors {
     pub depth_error: Option<f64>,
     /// The share of the true silhouette's pixels with an estimated depth.
     pub density: Option<f64>,
-    /// Against the true silhouette.
+    /// The IoU of the estimated shape's silhouette with the true one, in \[0, 1\].
     pub silhouette_iou: Option<f64>,
 }
 

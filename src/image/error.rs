@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// One line each: file, what is wrong, mend.
+/// Why an image, mask or depth file cannot be used. Every message is one line: file, what is wrong, mend.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// The file does not exist. The field is its path.

@@ -8,15 +8,15 @@ pub struct Grid<T> {
     data: Vec<T>,
 }
 
-/// Colour, RGB in \[0, 255\].
+/// A colour image, RGB in \[0, 255\].
 pub type RgbImage = Grid<[f32; 3]>;
-/// True on the object.
+/// A mask: true on the object.
 pub type Mask = Grid<bool>;
-/// z in the units of the poses that belong to it; 0 = unknown.
+/// A depth map: z in the units of the poses that belong to it; 0 = unknown.
 pub type DepthMap = Grid<f32>;
 
 impl DepthMap {
-    /// Where there is a depth.
+    /// The mask of the pixels with a depth.
     pub fn known(&self) -> Mask {
         Grid::from_fn(self.width(), self.height(), |column, row| {
             self[(column, row)] > 0.0
@@ -57,7 +57,7 @@ impl<T> Grid<T> {
         self.height
     }
 
-    /// (width, height) in pixels.
+    /// The size (width, height) in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
@@ -91,7 +91,7 @@ impl<T> Grid<T> {
 
 impl<T> std::ops::Index<(usize, usize)> for Grid<T> {
     type Output = T;
-    /// (column, row).
+    /// The pixel at (column, row); panics outside the raster.
     fn index(&self, (column, row): (usize, usize)) -> &T {
         &self.data[row * self.width + column]
     }

@@ -28,7 +28,7 @@ impl Default for Turn {
 }
 
 impl Turn {
-    /// Whether there is nothing to do.
+    /// Whether the picture is upright as it is.
     pub fn is_none(self) -> bool {
         self == Self::default()
     }
@@ -84,7 +84,7 @@ impl PictureFile {
         Ok(Self { pixels, turn })
     }
 
-    /// As a viewer shows it.
+    /// The picture as a viewer shows it: turned and mirrored.
     pub fn upright(self) -> DynamicImage {
         self.turn.apply(self.pixels)
     }

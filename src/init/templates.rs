@@ -9,7 +9,7 @@
 
 use crate::geometry::{Matrix3, Pose, Rotation3, Vector3};
 
-/// A viewing direction, degrees.
+/// A viewing direction from the camera to the object, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Template {
     pub azimuth_deg: f64,

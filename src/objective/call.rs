@@ -9,16 +9,16 @@ use crate::solver::{Evaluation, Evaluations, Interpolation, LinearSolver, Minimi
 pub enum Block {
     /// All variables: every pose and s, and the focal factor where it is free.
     All,
-    /// p0.
+    /// p0, which moves all frames together.
     Target,
-    /// All Δp_l.
+    /// All Δp_l: every pose but the target's.
     Motion,
-    /// s.
+    /// The style s.
     Style,
 }
 
 impl Block {
-    /// As in `trace.csv`.
+    /// The block's name in `trace.csv`.
     pub fn name(self) -> &'static str {
         match self {
             Block::All => "all",
@@ -101,7 +101,7 @@ impl Call {
 /// The state after one of Ceres's iterations.
 #[derive(Clone, Copy, Debug)]
 pub struct Iteration {
-    /// 0 is the start.
+    /// The iteration's number; 0 is the start.
     pub number: usize,
     /// The objective and its terms after this iteration.
     pub objective: ObjectiveValue,
@@ -109,7 +109,7 @@ pub struct Iteration {
     pub alpha: f64,
     /// The Euclidean norm of the gradient, as Ceres reports it.
     pub gradient_norm: f64,
-    /// Of this call so far.
+    /// Evaluations of this call so far.
     pub evaluations: Evaluations,
 }
 
@@ -120,7 +120,7 @@ pub struct CallOutcome {
     pub iterations: usize,
     /// Evaluations of residuals and of Jacobians.
     pub evaluations: Evaluations,
-    /// The observer stopped it.
+    /// Whether the observer stopped the call.
     pub interrupted: bool,
 }
 

@@ -127,7 +127,7 @@ impl<'a> Objective<'a> {
     /// Which points and pixels Eq. 4 and 6 compare at `estimate`, with colours of pyramid level `level` (0 = finest).
     ///
     /// # Errors
-    /// No such level.
+    /// The footage has no such pyramid level.
     pub fn visibility(&self, estimate: &Estimate, level: usize) -> Result<Visibility, ObjectiveError> {
         let input = self.matcher.find(&self.sequence.frames, estimate, level);
         Ok(Visibility {
@@ -135,7 +135,7 @@ impl<'a> Objective<'a> {
         })
     }
 
-    /// L and its terms.
+    /// The objective L of Eq. 9 and its terms at an estimate.
     ///
     /// # Errors
     /// A point of the shape behind a camera, or a failing prior.

@@ -9,18 +9,18 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use patches::{Patches, Scratch, warp};
 use rayon::prelude::*;
 
-/// What can be chosen.
+/// Options of the plane sweep.
 #[derive(Clone, Debug)]
 pub struct DepthOptions {
-    /// Planes, evenly in inverse depth.
+    /// The number of planes, evenly spaced in inverse depth.
     pub planes: usize,
-    /// Frames that each is compared with.
+    /// The number of frames that each frame is compared with.
     pub neighbours: usize,
     /// Half a side of the compared patches, in pixels.
     pub radius_px: usize,
-    /// Normalised cross-correlation below which nothing is alike.
+    /// The minimum normalised cross-correlation (NCC) of patches that match.
     pub min_ncc: f32,
-    /// Other frames that must agree.
+    /// The number of other frames that must find the same point.
     pub agreeing: usize,
     /// Standard deviation of a patch, in grey levels, below which it has no texture.
     pub min_texture: f32,
@@ -48,7 +48,7 @@ const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
 struct Swept<'a> {
     gray: Grid<f32>,
     mask: &'a Mask,
-    /// Of the mask.
+    /// The mask's bounding box: left, top, right, bottom, pixels.
     bounds: [usize; 4],
     camera_from_input: Pose,
     /// Nearest and farthest inverse depth of the object.

@@ -6,7 +6,7 @@ use crate::geometry::Pinhole;
 use crate::image::exif_data::FILM_DIAGONAL_MM;
 use std::str::FromStr;
 
-/// As the user gives it.
+/// A focal length as the user gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Focal {
     /// In pixels of the pictures as they are given to `prepare`, before they are made smaller.
@@ -34,7 +34,7 @@ impl FromStr for Focal {
     }
 }
 
-/// How a focal length is known.
+/// The source of a focal length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FocalSource {
     /// The caller gave it.

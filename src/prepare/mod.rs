@@ -36,7 +36,7 @@ use std::time::Instant;
 /// they get worse, as the prior has no shape that is just the object's.
 const MOTION_DEVIATION: f64 = 0.001;
 
-/// What can be chosen.
+/// Options of [`prepare`], stage by stage.
 #[derive(Clone, Debug, Default)]
 pub struct PrepareOptions {
     /// Which frames are chosen, and their size.
@@ -53,11 +53,11 @@ pub struct PrepareOptions {
     pub refine: RefineOptions,
 }
 
-/// What became of an input.
+/// The sequence made of an input, and how it was made.
 pub struct Prepared {
     /// The frames that could be placed.
     pub sequence: Sequence,
-    /// One per stage.
+    /// The stages in order, with what each did.
     pub stages: Vec<StageReport>,
 }
 

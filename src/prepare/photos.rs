@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// What all stages take a pixel of a chosen frame.
 const BYTES_PER_PIXEL: f64 = 150.0;
 
-/// What can be chosen.
+/// Which frames are chosen, and their size.
 #[derive(Clone, Debug)]
 pub struct PhotoOptions {
     /// The maximum number of frames. The frames in order are cut into as many groups, and of each group the sharpest is kept.
@@ -30,21 +30,21 @@ impl Default for PhotoOptions {
     }
 }
 
-/// Where frames come from.
+/// A video or a list of pictures.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
     /// A video file.
     Video(PathBuf),
     /// Pictures of a folder.
     Photos {
-        /// By name, numbers in it by their value.
+        /// The pictures, sorted by name, with numbers in names compared by value.
         files: Vec<PathBuf>,
         /// Pictures beside them that are not read, in words.
         left_out: Option<String>,
     },
 }
 
-/// A frame.
+/// A frame that was chosen, upright and at its working size.
 #[derive(Clone, Debug)]
 pub struct Photo {
     /// A photo's name, without its ending where all stay apart, or a frame's number in its video.

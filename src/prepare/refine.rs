@@ -10,7 +10,7 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use nalgebra::Vector6;
 use rayon::prelude::*;
 
-/// What can be chosen.
+/// Options of the photometric adjustment of motion and depth.
 #[derive(Clone, Debug)]
 pub struct RefineOptions {
     /// Pixels of a frame that tell of the cameras.
@@ -21,7 +21,7 @@ pub struct RefineOptions {
     pub loss_width: f64,
     /// Depths whose standard deviation is a larger share of them are dropped.
     pub deviation: f64,
-    /// Of the cameras, then of each pixel's depth.
+    /// The maximum number of Ceres iterations for the cameras, then for each pixel's depth.
     pub max_iterations: [u32; 2],
 }
 
@@ -46,7 +46,7 @@ const NOISE: f64 = 2.0;
 #[derive(serde::Serialize, serde::Deserialize)]
 pub struct Refined {
     pub camera_from_input: Vec<Option<Pose>>,
-    /// In the units of the poses.
+    /// Refined depth maps, in the units of the poses.
     pub depths: Vec<Option<DepthMap>>,
     /// Per pixel, the standard deviation of the depth as a share of it; 0 where there is none.
     pub deviations: Vec<Option<Grid<f32>>>,
@@ -65,7 +65,7 @@ struct Placed<'a> {
 /// Adjusts poses and depths. `neighbours` are frames per frame; `watch` hears of every frame, and false stops: then there is nothing.
 ///
 /// # Errors
-/// Ceres's own.
+/// An exception of Ceres.
 pub fn refine(
     images: &[(&RgbImage, &Mask)],
     motion: &Motion,

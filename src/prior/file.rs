@@ -24,7 +24,7 @@ const SURFACE_SCHEMA: u32 = 2;
 const METADATA_KEY: &str = "spba_prior";
 /// Of the mean shape's bounding box: antennas and mirrors stand out of the box whose diagonal is 1, and means of many shapes are smooth.
 const DIAGONAL: std::ops::RangeInclusive<f64> = 0.9..=1.12;
-/// Of that box's centre.
+/// The largest coordinate of that box's centre, diagonals.
 const MAX_CENTRE_OFFSET: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
 const MAX_DEFORMATION: f64 = 1.0;
@@ -54,18 +54,18 @@ pub struct PriorInfo {
     pub schema: u32,
     /// How points depend on the style.
     pub kind: PriorKind,
-    /// `car`, `chair` …
+    /// The category: `car`, `chair` …
     pub category: String,
     /// The object frame in words: [`OBJECT_FRAME`].
     pub frame: String,
     /// How the file's points become the prior's.
     pub symmetry: Symmetry,
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
     /// A decoder's hidden layers: how many outputs each has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub hidden: Vec<usize>,
-    /// N.
+    /// The number of points N.
     pub points: usize,
     /// The smooth random field of a prior of surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -106,11 +106,11 @@ pub struct FreeFormInfo {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PriorKind {
-    /// Nothing.
+    /// Points are linear in the style.
     Linear,
-    /// Hidden layers.
+    /// A network's hidden layers stand before the linear output layer.
     Decoder,
-    /// Nothing, and points lie on a mesh that goes along.
+    /// Points are linear in the style and lie on a mesh that is bent with it.
     Surface,
 }
 

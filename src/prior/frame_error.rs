@@ -26,7 +26,7 @@ pub struct FrameError {
     pub scale: f64,
     /// The rotation R.
     pub rotation: Rotation3<f64>,
-    /// In diagonals.
+    /// The translation t, diagonals.
     pub translation: V3,
 }
 

@@ -46,10 +46,10 @@ use std::sync::Arc;
 ///
 /// Points are stored so that any prefix is an even sample of the surface (farthest-point order).
 pub trait ShapePrior: Send + Sync {
-    /// S.
+    /// The number of style entries S.
     fn style_len(&self) -> usize;
 
-    /// N.
+    /// The number of points N.
     fn point_count(&self) -> usize;
 
     /// X(s): fills `points` with `points.len() / 3` points, xyz after xyz: a prefix of all N.

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 type V3 = Vector3<f64>;
 
-/// Of a view; higher for what is tall.
+/// The least (width, height) of a view, pixels; tall shapes get a higher one.
 const MIN_CELL: (usize, usize) = (300, 190);
 /// Pixels a diagonal.
 const SCALE: f64 = 290.0;

@@ -17,11 +17,11 @@ const MIN_DIAGONAL: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FreeForm {
-    /// None: the style alone.
+    /// The shape is the style's alone.
     None,
-    /// Those that keep the shape symmetric.
+    /// The modes that keep the shape symmetric.
     Symmetric,
-    /// Those, and then as many again that do not.
+    /// The symmetric modes and as many asymmetric ones.
     Any,
 }
 
@@ -131,7 +131,7 @@ impl SurfacePrior {
         }
     }
 
-    /// How the vertices hang together.
+    /// The faces and the seam of the mesh.
     pub fn mesh(&self) -> &MirroredMesh {
         &self.mesh
     }
@@ -161,12 +161,12 @@ impl SurfacePrior {
         &self.points
     }
 
-    /// S.
+    /// The number of style entries S.
     pub fn style_len(&self) -> usize {
         self.style_len
     }
 
-    /// How many coordinates the free form has.
+    /// The number of the free form's coordinates.
     pub fn form_len(&self, form: FreeForm) -> usize {
         self.form_modes(form).len()
     }

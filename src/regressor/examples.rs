@@ -21,12 +21,12 @@ const STYLE_POINTS: usize = 4096;
 /// Crops are kept in steps of so much; brighter than 255 of them is cut.
 const STEP: f32 = 1.0 / 96.0;
 
-/// What can be chosen.
+/// The size of the training set and its seed.
 #[derive(Clone, Debug)]
 pub struct ExampleOptions {
-    /// Of CAD models, spread evenly; and as many of random styles.
+    /// The number of sequences of CAD models, spread evenly over them; as many again show random styles.
     pub sequences: usize,
-    /// Frames each.
+    /// The frames of each sequence.
     pub frames: usize,
     /// The seed of cameras, styles and light.
     pub seed: u64,

@@ -15,16 +15,16 @@ use std::path::{Path, PathBuf};
 const SCHEMA: u32 = 1;
 const METADATA_KEY: &str = "spba_regressor";
 
-/// What a regressor file says of itself.
+/// The metadata of a regressor file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegressorInfo {
     /// The layout's version.
     pub schema: u32,
     /// The category of the prior: `car`.
     pub category: String,
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
-    /// How many convolutions there are.
+    /// The number of convolutions.
     pub convolutions: usize,
     /// The command that learned the prior whose styles these are.
     pub prior_command: String,

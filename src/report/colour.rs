@@ -10,7 +10,7 @@ const TWIN_SPACINGS: f64 = 3.0;
 
 /// Weighted sums of what the frames show at each point.
 pub(super) struct ColourGatherer {
-    /// RGB · weight, weight.
+    /// Per point the sums of RGB · weight and of the weight.
     sums: Vec<([f64; 3], f64)>,
 }
 

@@ -13,7 +13,7 @@ const SCHEMA: u32 = 1;
 /// The largest entry of RᵀR − 1 for which R still counts as a rotation.
 const ROTATION_TOLERANCE: f64 = 1e-6;
 
-/// `result.json`, key by key.
+/// The content of `result.json`, key by key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// The version of this file's layout.
@@ -26,7 +26,7 @@ pub struct RunResult {
     pub prior: String,
     /// One entry per frame, in the sequence's order.
     pub frames: Vec<FrameResult>,
-    /// s, S entries.
+    /// The style s, S entries.
     pub style: Vec<f64>,
     /// g, the coordinates of the prior's free form that bends the shape of this style; empty without one.
     #[serde(default)]
@@ -36,10 +36,10 @@ pub struct RunResult {
     pub canonical_from_shape: Option<SimilarityRecord>,
     /// α: x_cam = α x'_cam (Eq. 10); `None` where the input brings neither poses nor depth.
     pub alpha: Option<f64>,
-    /// By which the input's focal lengths were multiplied; 1 where they were held.
+    /// The factor by which the input's focal lengths were multiplied; 1 where they were held.
     #[serde(default = "one")]
     pub focal_factor: f64,
-    /// `None` where the input brings no poses.
+    /// The similarity from the input's frame to the object frame; `None` where the input brings no poses.
     pub object_from_input: Option<SimilarityRecord>,
     /// What one object unit is in metres, where the object's real length was given.
     #[serde(default)]
@@ -75,13 +75,13 @@ pub struct RunResult {
 pub struct FrameResult {
     /// The frame's name.
     pub name: String,
-    /// `camera_from_object`, row by row; x right, y down, z forward in the camera.
+    /// The rotation of `camera_from_object`, row by row; x right, y down, z forward in the camera.
     pub rotation: [[f64; 3]; 3],
-    /// `camera_from_object`, object units.
+    /// The translation of `camera_from_object`, object units.
     pub translation: [f64; 3],
     /// The camera's centre in the object frame.
     pub center: [f64; 3],
-    /// Of the projected shape and the given mask.
+    /// The IoU of the projected shape and the given mask, in \[0, 1\].
     pub silhouette_iou: f64,
     /// The share of the given mask's pixels that visible projected points cover.
     pub density: f64,
@@ -95,7 +95,7 @@ pub struct FrameResult {
 pub struct SimilarityRecord {
     /// The factor on lengths.
     pub scale: f64,
-    /// Row by row.
+    /// The rotation, row by row.
     pub rotation: [[f64; 3]; 3],
     /// The translation, object units.
     pub translation: [f64; 3],
@@ -136,7 +136,7 @@ impl FrameResult {
         }
     }
 
-    /// `None` if the rotation is none.
+    /// The pose; `None` if `rotation` is no rotation matrix.
     pub fn camera_from_object(&self) -> Option<Pose> {
         let matrix = Matrix3::from(self.rotation).transpose();
         let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
@@ -232,7 +232,7 @@ impl RunResult {
         }
     }
 
-    /// Pretty JSON; refuses what JSON cannot hold.
+    /// Writes pretty JSON; refuses numbers that JSON cannot hold.
     pub(super) fn to_json(&self) -> Result<String, ReportError> {
         if let Some(field) = self.first_not_finite() {
             return Err(ReportError::NotFinite { field });

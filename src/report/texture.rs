@@ -25,11 +25,11 @@ const SPREADING_ROUNDS: usize = 300;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
     Seen,
-    /// Seen at its mirror image alone.
+    /// The texel is seen at its mirror image alone.
     Mirrored,
-    /// Its neighbours'.
+    /// The colour of its neighbours.
     Filled,
-    /// On no face.
+    /// The texel lies on no face.
     Nothing,
 }
 
@@ -65,7 +65,7 @@ struct Texel {
 pub(super) struct TextureGatherer<'a> {
     mesh: &'a UnwrappedMesh,
     texels: Grid<Option<Texel>>,
-    /// RGB · weight, weight.
+    /// Per texel the sums of RGB · weight and of the weight.
     sums: Vec<([f64; 3], f64)>,
 }
 

@@ -15,12 +15,12 @@ const BYTES_PER_PIXEL: f64 = 60.0;
 /// Masks of more than half of the frames whose object lies along more than this share of the border are doubted.
 const SUSPICIOUS_BORDER: f64 = 0.5;
 
-/// What an input holds.
+/// What an input holds and what is wrong with it.
 #[derive(Debug)]
 pub struct Examination {
     /// The input's name.
     pub name: String,
-    /// `sequence folder`, `COLMAP workspace` …
+    /// The kind of input: `sequence folder`, `COLMAP workspace` …
     pub kind: &'static str,
     /// One entry per frame, in order.
     pub frames: Vec<FrameExamination>,
@@ -28,12 +28,12 @@ pub struct Examination {
     pub notes: Vec<String>,
     /// Every fault found; empty if and only if the input is usable.
     pub problems: Vec<SequenceError>,
-    /// There if and only if there are no problems.
+    /// The sequence itself; `None` if and only if there are problems.
     sequence: Option<Sequence>,
 }
 
 impl Examination {
-    /// The input itself, or the first of its faults.
+    /// The sequence, or the first of the input's faults.
     pub fn into_sequence(self) -> Result<Sequence, SequenceError> {
         let fault = self.problems.into_iter().next();
         // Without problems there is a sequence.
@@ -68,7 +68,7 @@ pub struct MaskSummary {
     pub share: f64,
     /// Object pixels in the image's outermost rows and columns.
     pub border_px: usize,
-    /// 8-connected parts.
+    /// The number of 8-connected parts.
     pub parts: usize,
 }
 

@@ -102,12 +102,12 @@ pub struct Frame {
     pub depth_deviation: Option<Grid<f32>>,
 }
 
-/// What a rendered sequence knows of itself.
+/// The truth of a rendered sequence.
 #[derive(Clone, Debug)]
 pub struct Truth {
-    /// One per frame.
+    /// The true pose of every frame; lengths in diagonals.
     pub camera_from_object: Vec<Pose>,
-    /// z in object units, one per frame.
+    /// The true depth map of every frame, z in diagonals.
     pub depth: Vec<DepthMap>,
     /// Points on the outside of the canonical shape, object frame.
     pub shape: Vec<[f32; 3]>,

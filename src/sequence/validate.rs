@@ -14,9 +14,9 @@ const MIN_FOCAL: f64 = 0.05;
 const MAX_FOCAL: f64 = 1e5;
 /// Of the principal point, in longer sides: crops put it outside, but not far.
 const MAX_PRINCIPAL_POINT_OFFSET: f64 = 10.0;
-/// A hundred diagonals say nothing any more.
+/// The largest standard deviation of poses, diagonals: more says nothing.
 const MAX_DEVIATION: f64 = 100.0;
-/// Units: the earth in tenths of a millimetre.
+/// The largest coordinate of a translation, input units: the earth in tenths of a millimetre.
 const MAX_TRANSLATION: f64 = 1e12;
 
 /// Whether a number may be a standard deviation of poses in diagonals of the object, or of the logarithm of a focal length.

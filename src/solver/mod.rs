@@ -304,7 +304,7 @@ pub struct ShortSolves {
     pub objectives: Vec<(f64, f64)>,
     /// The iterations of all short solves.
     pub trace: Vec<TraceRow>,
-    /// As in [`Solution::seconds`].
+    /// Stage name → seconds, as in [`Solution::seconds`].
     pub seconds: Vec<(String, f64)>,
 }
 

@@ -108,7 +108,7 @@ pub const fn default_lbfgs_rank() -> u32 {
 pub enum Strategy {
     /// Algorithm 1: p0, then all Δp_l, then s; α as `scale_update` says.
     Alternating,
-    /// All at once; α as `scale_update` says.
+    /// All variables at once; α as `scale_update` says.
     Joint,
 }
 
@@ -123,13 +123,13 @@ pub enum Evaluation {
     Blocks,
 }
 
-/// Where the Δp_l start.
+/// The starting values of the source frames' motion Δp_l.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MotionStart {
-    /// Where the off-the-shelf poses (Eq. 13) and the short solve left them.
+    /// The off-the-shelf poses (Eq. 13), as the short solve moved them.
     Given,
-    /// At no motion, as Zhu et al. start them.
+    /// No motion, as in Zhu et al.
     Zero,
 }
 
@@ -137,11 +137,11 @@ pub enum MotionStart {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverOptions {
-    /// The paper's is L-BFGS.
+    /// The minimiser that Ceres runs. The paper's is L-BFGS.
     pub minimiser: Minimiser,
     /// How the objective is evaluated for Ceres.
     pub evaluation: Evaluation,
-    /// The paper's is `alternating`.
+    /// Which variables a step moves together. The paper's is `alternating`.
     pub strategy: Strategy,
     /// Where the source frames' motion Δp_l starts.
     pub motion_start: MotionStart,
@@ -149,7 +149,7 @@ pub struct SolverOptions {
     pub scale_update: ScaleUpdate,
     /// Steps of Algorithm 1 per pyramid level; visibility is renewed before each.
     pub max_steps: usize,
-    /// Ceres iterations per call.
+    /// The maximum number of Ceres iterations per call.
     pub iterations_per_call: u32,
     /// δ_L: the solve stops once the objective is below.
     pub threshold: f64,

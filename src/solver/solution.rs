@@ -17,10 +17,10 @@ pub struct ObjectiveValue {
     pub inverse_depth: f64,
     /// The style's regulariser; 0 where its weight is 0.
     pub style: f64,
-    /// What the motion differs from Eq. 13's; 0 where its weight is 0.
+    /// The term that holds the motion to the off-the-shelf poses (Eq. 13); 0 where its weight is 0.
     #[serde(default)]
     pub motion: f64,
-    /// What the focal length differs from what was known of it; 0 where it is held.
+    /// The term that holds the focal length to its given value; 0 where it is fixed.
     #[serde(default)]
     pub focal: f64,
 }
@@ -49,11 +49,11 @@ impl Evaluations {
 pub enum Termination {
     /// The objective fell below δ_L.
     BelowThreshold,
-    /// No progress beyond the tolerance.
+    /// Further steps lowered the objective by less than the tolerance.
     Converged,
-    /// The step limit.
+    /// The steps reached their limit.
     StepLimit,
-    /// Ctrl-C; the best state so far is kept.
+    /// The observer stopped the solve; the best state so far is kept.
     Interrupted,
 }
 
@@ -74,7 +74,7 @@ pub struct TraceRow {
     pub gradient_norm: f64,
     /// α of Eq. 6, x_cam = α x'_cam.
     pub alpha: f64,
-    /// Totals since the stage began.
+    /// Residual evaluations since the stage began.
     pub residual_evaluations: usize,
     /// Jacobian evaluations since the stage began.
     pub jacobian_evaluations: usize,
@@ -108,18 +108,18 @@ pub struct StepState {
     pub level: usize,
     /// The variables.
     pub estimate: Estimate,
-    /// Since the descent began.
+    /// Ceres iterations since the descent began.
     pub iterations: usize,
-    /// Since the descent began.
+    /// Evaluations since the descent began.
     pub evaluations: Evaluations,
-    /// Processor time since the descent began.
+    /// Processor seconds since the descent began.
     pub cpu_seconds: f64,
 }
 
 /// What a solve found.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// Its style is s alone.
+    /// The variables in the canonical object frame; the style holds s alone.
     pub estimate: Estimate,
     /// g: the coordinates of the free form that bends the shape; empty without one.
     pub free_form: Vec<f64>,
@@ -140,7 +140,7 @@ pub struct Solution {
     pub termination: Termination,
     /// One entry per starting point, after its short solve.
     pub hypotheses: Vec<HypothesisOutcome>,
-    /// After every call of the main solve.
+    /// The state after every call of the main solve.
     pub steps: Vec<StepState>,
     /// One row per Ceres iteration, short solves first.
     pub trace: Vec<TraceRow>,

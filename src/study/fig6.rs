@@ -11,7 +11,7 @@ pub struct Fig6 {
     pub rows: Vec<(String, DepthHistogram)>,
 }
 
-/// From the records of Table 1.
+/// The figure's histograms, from the records of Table 1.
 pub fn fig6(table: &Table1) -> Fig6 {
     let rows = table.rows.iter().filter_map(|row| {
         let mut pooled: Option<DepthHistogram> = None;

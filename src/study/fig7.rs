@@ -7,7 +7,7 @@ use super::{Effort, Jobs, Measures, Method, StudyError, Subject, Table};
 use serde::Serialize;
 use std::path::Path;
 
-/// One sequence with a number of frames.
+/// Errors on one sequence with one number of frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
     pub sequence: String,

@@ -19,7 +19,7 @@ pub struct Method {
     pub config: Config,
 }
 
-/// How much of a study is done.
+/// How much work a study does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
     /// Everything, as in the paper's tables.
@@ -38,7 +38,7 @@ impl Method {
         }
     }
 
-    /// The defaults.
+    /// This library's defaults.
     pub fn ours() -> Self {
         Self::new("ours", "ours", Config::default())
     }
@@ -51,13 +51,13 @@ impl Method {
         Self::new("ours-lbfgs", "ours, alternating L-BFGS", config)
     }
 
-    /// `data/paper.toml`.
+    /// The method as the paper describes it: `data/paper.toml`.
     pub fn paper() -> Result<Self, StudyError> {
         let config = toml::from_str(PAPER)?;
         Ok(Self::new("paper", "as in the paper", config))
     }
 
-    /// `data/zhu.toml`.
+    /// Zhu et al.: `data/zhu.toml`.
     pub fn zhu() -> Result<Self, StudyError> {
         Ok(Self::new("zhu", "Zhu et al.", toml::from_str(ZHU)?))
     }

@@ -16,18 +16,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// One sequence.
+/// A sequence that a study runs on.
 pub struct Subject {
     /// The sequence's name in tables.
     pub name: String,
     /// The frames, and the truth where it is known.
     pub sequence: Sequence,
-    /// Of a natural sequence.
+    /// The turning platform of a natural sequence; `None` for others.
     pub platform: Option<Platform>,
     digest: u64,
 }
 
-/// Where all methods start.
+/// The starting points of all methods on a subject.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The hypothesis whose template fits the masks best, as the paper starts; the mean style.

@@ -53,7 +53,7 @@ pub struct Entry {
     pub sequence: String,
     pub kind: SequenceKind,
     pub measures: Measures,
-    /// Of a solve.
+    /// The processor time of a solve, seconds; `None` for what is not a solve.
     pub run: Option<Run>,
 }
 

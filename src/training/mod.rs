@@ -23,7 +23,7 @@ pub struct Plan {
     pub of: String,
 }
 
-/// Steps between checkpoints.
+/// The number of steps between checkpoints.
 const KEEP_EVERY: usize = 500;
 /// Steps between looks at the loss.
 const SEE_EVERY: usize = 25;

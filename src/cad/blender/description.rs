@@ -18,7 +18,7 @@ struct Description {
     samples: usize,
     /// Nearer surfaces are not drawn.
     near: f64,
-    /// Less opaque surfaces are not drawn.
+    /// The opacity below which surfaces are not drawn.
     hole: f32,
     /// Per triangle three corners, x y z each.
     corners: Vec<f64>,

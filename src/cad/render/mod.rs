@@ -19,7 +19,7 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use fragment::Fragments;
 use nalgebra::Vector3;
 
-/// Where the mesh is seen from.
+/// A camera, its pose and the size of its image.
 #[derive(Clone, Copy, Debug)]
 pub struct Viewpoint {
     pub camera: Pinhole,
@@ -28,7 +28,7 @@ pub struct Viewpoint {
     pub height: usize,
 }
 
-/// What is seen. All rasters have the view's size.
+/// What a viewpoint shows. All rasters have its size.
 #[derive(Clone, Debug)]
 pub struct Rendering {
     /// RGB in \[0, 255\], black where nothing covers; premultiplied by `coverage`.

@@ -64,7 +64,7 @@ pub enum Via {
 pub struct Arc {
     /// The number of frames.
     pub frames: usize,
-    /// Of the first and the last frame; 0 looks at the front, 90 at the object's right side.
+    /// Azimuths of the first and the last frame, degrees; 0 looks at the front, 90 at the object's right side.
     pub azimuth_deg: [f64; 2],
     /// The camera's height above the object's horizontal plane, degrees.
     pub elevation_deg: f64,
@@ -82,13 +82,13 @@ pub struct Arc {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Jitter {
-    /// Of azimuth, elevation and roll.
+    /// Standard deviation of azimuth, elevation and roll, degrees.
     pub angle_deg: f64,
-    /// Share of the distance.
+    /// Standard deviation of the distance, as a share of it.
     pub distance: f64,
-    /// Shift of the camera across its line of sight.
+    /// Standard deviation of the camera's shift across its line of sight, diagonals.
     pub aim: f64,
-    /// Share of the focal length.
+    /// Standard deviation of the focal length, as a share of it.
     pub zoom: f64,
 }
 
@@ -128,9 +128,9 @@ pub struct Background {
 pub struct SimulatedInput {
     /// The number of input units in one diagonal of the object.
     pub scale: f64,
-    /// Axis times angle.
+    /// The rotation R as axis times angle, degrees.
     pub rotation_deg: [f64; 3],
-    /// In input units.
+    /// The origin of the object frame in the input's frame, input units.
     pub translation: [f64; 3],
     /// Standard deviation of each frame's rotation about the object's centre, per axis.
     pub rotation_noise_deg: f64,

@@ -63,7 +63,7 @@ pub struct Scratch {
 pub struct Patches {
     gray: Grid<f32>,
     radius_px: usize,
-    /// One over the pixels of each patch.
+    /// The reciprocal of the number of a patch's pixels.
     weight: Vec<f32>,
     mean: Vec<f32>,
     variance: Vec<f32>,

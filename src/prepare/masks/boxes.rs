@@ -48,7 +48,7 @@ impl Sides {
 const MIN_SCORE: f64 = 0.2;
 /// Overlap from frame to frame counts so many times a score of 1: an object that stays beats one that is surer in single frames.
 const STAYING: f64 = 2.0;
-/// So many frames may go by without a detection.
+/// The maximum number of frames without a detection within a chain.
 const GAP: usize = 5;
 /// Objects that fill this share of the picture are large enough.
 const LARGE: f64 = 0.05;

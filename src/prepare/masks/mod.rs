@@ -63,7 +63,7 @@ impl FromStr for ObjectBox {
 }
 
 impl ObjectBox {
-    /// In pixels of a photo's image.
+    /// This box in pixels of a photo's image, which may be scaled down.
     fn in_image(&self, photo: &Photo) -> Self {
         Self {
             left: self.left * photo.scale,
@@ -86,7 +86,7 @@ impl ObjectBox {
     }
 }
 
-/// What can be chosen.
+/// Where the masks come from.
 #[derive(Clone, Debug, Default)]
 pub struct MaskOptions {
     /// Folder of masks (white = object), named like the pictures; nothing else counts then.
@@ -101,9 +101,9 @@ pub struct MaskOptions {
 
 /// Masks, and how they were made.
 pub struct Found {
-    /// `None` where there is no object.
+    /// The mask of every photo; `None` where there is no object.
     pub masks: Vec<Option<Mask>>,
-    /// For people.
+    /// How the masks were made, in words.
     pub words: String,
 }
 

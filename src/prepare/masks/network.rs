@@ -213,7 +213,7 @@ impl Network {
         &self.file
     }
 
-    /// Of its files' contents.
+    /// A digest of the network's files.
     pub fn key(&self) -> Key {
         self.key
     }
@@ -283,7 +283,7 @@ impl Network {
             .collect()
     }
 
-    /// That its outputs are not what they should be.
+    /// The error that the network's outputs are not what its description says.
     pub fn unusable(&self, reason: String) -> PrepareError {
         PrepareError::Network(NetworkError::Network {
             file: self.file.clone(),

@@ -80,7 +80,7 @@ impl Networks {
         Ok(Self { saliency, category })
     }
 
-    /// Of all their files' contents.
+    /// A digest of all networks' files.
     pub fn key(&self) -> Key {
         let of_category = self
             .category

@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector2, Vector6};
 use rayon::prelude::*;
 
 /// A pair, or a frame, with fewer features in common is none.
-const FEWEST: usize = 12;
+const MIN_COMMON_FEATURES: usize = 12;
 /// Rays that meet at a smaller angle, in degrees, say nothing about depth.
 const MIN_ANGLE_DEG: f64 = 1.5;
 /// A first pair should have rays that meet at such an angle; a smaller one counts for less.
@@ -48,7 +48,7 @@ pub struct Reconstruction<'a> {
 }
 
 impl<'a> Reconstruction<'a> {
-    /// Two views.
+    /// Starts from the best pair of views.
     ///
     /// # Errors
     /// No pair with enough in common.
@@ -202,7 +202,9 @@ impl<'a> Reconstruction<'a> {
             track.iter().for_each(|seen| counts[seen[0] as usize] += 1);
         }
         (0..self.poses.len())
-            .filter(|&frame| self.poses[frame].is_none() && !refused[frame] && counts[frame] >= FEWEST)
+            .filter(|&frame| {
+                self.poses[frame].is_none() && !refused[frame] && counts[frame] >= MIN_COMMON_FEATURES
+            })
             .max_by_key(|&frame| (counts[frame], std::cmp::Reverse(frame)))
     }
 
@@ -221,7 +223,7 @@ impl<'a> Reconstruction<'a> {
         let threshold = self.tolerance() / self.zoomed().fx;
         let found = vision::resect(&points, &rays, threshold, &mut inliers)?;
         let count = inliers.iter().filter(|&&inlier| inlier != 0).count();
-        if !found.any || count < FEWEST {
+        if !found.any || count < MIN_COMMON_FEATURES {
             return Ok(false);
         }
         let pose = pose_of(&found);
@@ -403,14 +405,14 @@ fn verified(
             })
             .collect()
     };
-    if pair.matches.len() < FEWEST {
+    if pair.matches.len() < MIN_COMMON_FEATURES {
         return Ok(None);
     }
     let (first, second) = (rays(a, 0), rays(b, 1));
     let mut inliers = vec![0; pair.matches.len()];
     let found = vision::two_views(&first, &second, tolerance / camera.fx, &mut inliers)?;
     let chosen: Vec<usize> = (0..inliers.len()).filter(|&k| inliers[k] != 0).collect();
-    if !found.any || chosen.len() < FEWEST {
+    if !found.any || chosen.len() < MIN_COMMON_FEATURES {
         return Ok(None);
     }
     let second_from_first = pose_of(&found);

@@ -28,7 +28,7 @@ const BORDER: f64 = 0.01;
 /// What frames have in common.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub struct Matching {
-    /// Per frame: where its features are.
+    /// The positions (x, y) of every frame's features, pixels.
     pub features: Vec<Vec<[f64; 2]>>,
     /// Frame pairs a < b, and which features of theirs are alike.
     pub pairs: Vec<Pair>,
@@ -49,7 +49,7 @@ pub struct Pair {
 /// `watch` hears of every pair, and how many there are; false stops.
 ///
 /// # Errors
-/// OpenCV's own.
+/// An exception of OpenCV, or an interruption.
 pub fn match_features(
     views: &[MaskedImage],
     watch: &(dyn Fn(usize) -> bool + Sync),

@@ -50,7 +50,7 @@ struct Segmenter<'a> {
     photos: &'a [Photo],
     networks: &'a Networks,
     cache: &'a Cache,
-    /// Of the photos and the networks.
+    /// A digest of the photos and the networks.
     key: Key,
 }
 

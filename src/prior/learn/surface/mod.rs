@@ -91,7 +91,7 @@ fn mean(shapes: &[Vec<V3>], weights: &[f64]) -> Vec<V3> {
 /// What a surface prior is made of besides its models.
 #[derive(Clone, Debug)]
 pub struct SurfaceOptions {
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
     /// N, even: pairs of mirrored points.
     pub points: usize,
