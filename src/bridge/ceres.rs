@@ -172,7 +172,7 @@ pub mod ffi {
         camera_from_object: Vec<Pose>,
         style: Vec<f64>,
         log_alpha: f64,
-        /// Of the factor that multiplies all focal lengths.
+        /// The logarithm of the factor that multiplies all focal lengths.
         log_focal: f64,
     }
 
@@ -202,12 +202,12 @@ pub mod ffi {
         lbfgs_rank: u32,
         interpolation: Interpolation,
         initial_trust_region_radius: f64,
-        /// Of Levenberg–Marquardt over blocks.
+        /// The linear solver of Levenberg–Marquardt over blocks.
         linear_solver: LinearSolver,
         max_iterations: u32,
         /// Stop once an iteration changes the objective by a smaller share.
         tolerance: f64,
-        /// Of the accumulated evaluation.
+        /// The threads of the accumulated evaluation.
         threads: u32,
     }
 

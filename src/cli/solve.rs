@@ -300,7 +300,7 @@ fn with_masks_by_shape(
     Ok(Some((mended, names)))
 }
 
-/// As results name a prior.
+/// The prior's name and version as results give them.
 fn name_of(prior: &PriorInfo) -> String {
     format!("{} {} (schema {})", prior.category, prior.kind, prior.schema)
 }

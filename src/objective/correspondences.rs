@@ -50,7 +50,7 @@ pub struct SilhouetteMatches {
     pub point_of_pixel: Vec<u32>,
     /// The weight of every pixel's residual; the cost is weight / 2 · ρ(‖residual‖²).
     pub pixel_weight: f64,
-    /// Per point, of the first so many, the nearest pixel of the mask.
+    /// The nearest pixel (column, row) of the mask, one for each of the first points.
     pub pixel_of_point: Vec<[f64; 2]>,
     /// The weight of each of these residuals.
     pub point_weights: Vec<f64>,

@@ -116,7 +116,7 @@ pub fn sweep(
     Some(agreed)
 }
 
-/// Per coordinate, the median: single points may lie anywhere.
+/// The median of each coordinate: single points may lie anywhere.
 pub(super) fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
     Vector3::from_fn(|k, _| {
         let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();

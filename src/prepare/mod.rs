@@ -70,7 +70,7 @@ pub struct StageReport {
     pub words: String,
     /// Wall-clock seconds.
     pub seconds: f64,
-    /// Of the process, in MB (10⁶ bytes), where the system tells it.
+    /// The most memory that the process used, MB (10⁶ bytes); `None` where the system does not tell.
     pub peak_memory_mb: Option<f64>,
 }
 

@@ -43,7 +43,7 @@ impl FrameError {
 pub enum Known {
     /// All of them.
     All,
-    /// Those that a camera at the front right sees.
+    /// The points that a camera at the front right sees.
     FromFrontRight,
 }
 

@@ -57,7 +57,7 @@ impl Texture {
 #[derive(Clone, Copy)]
 struct Texel {
     face: u32,
-    /// Of the face's corners.
+    /// The barycentric weights of the face's corners.
     weights: [f32; 3],
 }
 

@@ -36,7 +36,7 @@ const PLACING_STEPS: usize = 3;
 const SHORT_SOLVE_STEPS: [usize; 3] = [1, 1, 3];
 /// Ceres iterations of each of them.
 const SHORT_SOLVE_ITERATIONS: u32 = 10;
-/// As [`SolverOptions::tolerance`].
+/// [`SolverOptions::tolerance`] of a short solve.
 const SHORT_SOLVE_TOLERANCE: f64 = 3e-3;
 
 /// Steps of the free form's stage and Ceres iterations of each, at most: on the bundled sequence, the first ten iterations bring 93 % of what 65
@@ -410,7 +410,7 @@ pub fn short_solves(
 
 /// A start on its way through the rounds of [`short_solves`].
 struct Trial {
-    /// Of the start.
+    /// The index of the start.
     index: usize,
     estimate: Estimate,
     /// At the start and now.

@@ -35,7 +35,7 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Of cameras and a shape for the frames of `sequence`, in their order.
+    /// The measures of cameras and a shape for the frames of `sequence`, in their order.
     pub fn of_estimate(
         sequence: &Sequence,
         platform: Option<&Platform>,
@@ -58,7 +58,7 @@ impl Measures {
         measures
     }
 
-    /// Of the off-the-shelf poses and depth themselves.
+    /// The measures of the off-the-shelf poses and depth themselves.
     pub fn of_input(sequence: &Sequence, platform: Option<&Platform>) -> Self {
         let mut measures = Estimated::of_input(sequence, sequence, |_| true)
             .map(|input| Self::against_truth(sequence, &input))

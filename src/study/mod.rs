@@ -54,7 +54,7 @@ pub enum StudyError {
     Plot {
         /// The figure's file.
         path: PathBuf,
-        /// Why.
+        /// What went wrong.
         reason: String,
     },
     /// The caller stopped the study; finished records are kept.
@@ -65,7 +65,7 @@ pub enum StudyError {
     Sequence {
         /// The sequence's name.
         name: String,
-        /// Why.
+        /// What went wrong.
         source: Box<crate::sequence::SequenceError>,
     },
     /// The description of a turning platform cannot be used.
@@ -73,7 +73,7 @@ pub enum StudyError {
     Platform {
         /// The sequence's name.
         name: String,
-        /// Why.
+        /// What went wrong.
         source: crate::eval::PlatformError,
     },
     /// A sequence gives no starting point.
@@ -81,7 +81,7 @@ pub enum StudyError {
     Init {
         /// The sequence's name.
         name: String,
-        /// Why.
+        /// What went wrong.
         source: crate::init::InitError,
     },
     /// A method finds no solution.
@@ -89,7 +89,7 @@ pub enum StudyError {
     Solve {
         /// The sequence's and the method's name.
         name: String,
-        /// Why.
+        /// What went wrong.
         source: crate::solver::SolveError,
     },
     /// The objective cannot be evaluated.
@@ -97,7 +97,7 @@ pub enum StudyError {
     Objective {
         /// The sequence's name.
         name: String,
-        /// Why.
+        /// What went wrong.
         source: crate::objective::ObjectiveError,
     },
     /// A prior cannot be loaded.

@@ -87,7 +87,7 @@ impl Subject {
         })
     }
 
-    /// Of all that a solve or a measure can depend on.
+    /// A digest of all that a solve or a measure can depend on.
     pub(super) fn digest(&self) -> u64 {
         self.digest
     }
@@ -232,7 +232,7 @@ pub(super) fn short_solves(
     }
 }
 
-/// Of a prior's file; none for a bundled prior, which the build's digest holds.
+/// A digest of a prior's file; `None` for a bundled prior, which the build's digest holds.
 pub(super) fn prior_digest(name_or_path: &str) -> Option<u64> {
     let bytes = std::fs::read(name_or_path).ok()?;
     let mut hasher = DefaultHasher::new();
@@ -240,7 +240,7 @@ pub(super) fn prior_digest(name_or_path: &str) -> Option<u64> {
     Some(hasher.finish())
 }
 
-/// Of all that a solve or a measure can depend on.
+/// A digest of all that a solve or a measure can depend on.
 fn digest(sequence: &Sequence) -> u64 {
     let mut hasher = DefaultHasher::new();
     for deviation in [sequence.motion_deviation, sequence.focal_deviation] {

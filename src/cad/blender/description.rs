@@ -20,13 +20,13 @@ struct Description {
     near: f64,
     /// The opacity below which surfaces are not drawn.
     hole: f32,
-    /// Per triangle three corners, x y z each.
+    /// The positions of three corners a triangle, x y z each.
     corners: Vec<f64>,
-    /// Likewise.
+    /// The normals of three corners a triangle, x y z each.
     normals: Vec<f64>,
-    /// Per triangle three corners, u v each.
+    /// The texture coordinates of three corners a triangle, u v each.
     texture_coordinates: Vec<f32>,
-    /// Per triangle, into `materials`.
+    /// An index into `materials` a triangle.
     material: Vec<usize>,
     materials: Vec<Surface>,
     views: Vec<Shot>,

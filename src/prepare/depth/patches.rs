@@ -97,7 +97,7 @@ impl Patches {
         }
     }
 
-    /// Of the patch around pixel `i`, in grey levels squared.
+    /// The variance of the patch around pixel `i`, grey levels squared.
     pub fn variance(&self, i: usize) -> f32 {
         self.variance[i]
     }

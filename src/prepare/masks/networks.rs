@@ -36,7 +36,7 @@ pub struct Detection {
 }
 
 impl Networks {
-    /// Those that the TOML files of a folder describe, one of each kind.
+    /// The networks that the TOML files of a folder describe, one of each kind.
     ///
     /// # Errors
     /// A folder or networks that cannot be read, kinds that are missing or there twice, a category that they do not know.
