@@ -28,7 +28,9 @@ pub enum FreeForm {
 /// The derivative by one of a shape's coordinates of a similarity that does not turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameDerivative {
+    /// The change of the scale.
     pub scale: f64,
+    /// The change of the translation, object units.
     pub translation: V3,
 }
 

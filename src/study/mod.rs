@@ -5,7 +5,6 @@
 //! that made it.
 
 mod ablation;
-#[allow(missing_docs)]
 mod compare;
 mod fig3;
 mod fig6;
