@@ -20,12 +20,17 @@ pub struct Config {
     pub prior: String,
     /// Threads over pose hypotheses; 0 = one per core. The result does not depend on it.
     pub threads: usize,
+    /// The input: its depth, its frames and its target frame.
     pub input: InputOptions,
     /// Where the style and the poses start.
     pub start: StartOptions,
+    /// The search for starting points.
     pub init: InitOptions,
+    /// The objective's weights and the sizes of its samples.
     pub objective: ObjectiveOptions,
+    /// The minimiser, the strategy and the stopping rules.
     pub solver: SolverOptions,
+    /// What the result folder holds besides the solution.
     pub output: OutputOptions,
 }
 
@@ -122,6 +127,10 @@ impl InputOptions {
         }
     }
 
+    /// These options as [`load`](crate::sequence::load) takes them.
+    ///
+    /// # Errors
+    /// `frames` is no range of frames, or `every` is 0.
     pub fn load_options(&self) -> Result<LoadOptions, WindowError> {
         Ok(LoadOptions {
             depth: self.depth.clone(),
@@ -130,7 +139,7 @@ impl InputOptions {
     }
 }
 
-/// No such target frame.
+/// The configured target is none of the frames.
 #[derive(Debug, thiserror::Error)]
 #[error("target {target}: there are {frames} frames in use; give 0 to {}", frames - 1)]
 pub struct TargetError {
@@ -141,13 +150,31 @@ pub struct TargetError {
 /// Why a configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
+    /// The configuration file cannot be read.
     #[error("{}: cannot read the configuration: {problem}", path.display())]
-    Read { path: PathBuf, problem: std::io::Error },
+    Read {
+        /// The configuration file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// The configuration file is no TOML, a key in it is unknown, or a value is none that the key can hold.
     #[error("{}: {message}", path.display())]
-    Parse { path: PathBuf, message: String },
+    Parse {
+        /// The configuration file.
+        path: PathBuf,
+        /// The line, the key, what is wrong and how to mend it.
+        message: String,
+    },
     /// A key from the command line, `given` as it stands there.
     #[error("{given}: {message}")]
-    Setting { given: String, message: String },
+    Setting {
+        /// The setting as it stands on the command line, `key=value`.
+        given: String,
+        /// What is wrong with it, and how to mend it.
+        message: String,
+    },
+    /// The configuration holds a value that TOML cannot express.
     #[error("the configuration has no form in TOML: {0}")]
     Write(#[from] toml::ser::Error),
 }
@@ -174,12 +201,29 @@ const ABSENT: [(&str, &str, &str, &str); 4] = [
 const MEND: &str = "`spba-ceres solve --print-config` shows every key with a value";
 
 impl Config {
-    /// Reads a TOML file; unknown keys are errors.
+    /// Reads a TOML file. Keys that it does not name keep their defaults.
+    ///
+    /// # Errors
+    /// A file that cannot be read, no TOML, an unknown key, a value that the key cannot hold.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         Self::layered(Some(path), &[])
     }
 
-    /// Likewise, of a text, which `name` stands for in messages.
+    /// Parses the text of a configuration file; messages call it `name`.
+    ///
+    /// ```
+    /// use spba_ceres::config::Config;
+    /// use std::path::Path;
+    ///
+    /// let config = Config::parse("solver = { max_steps = 3 }", Path::new("mine"))?;
+    /// assert_eq!(config.solver.max_steps, 3);
+    /// assert_eq!(config.solver.levels, Config::default().solver.levels);
+    /// assert!(Config::parse("solver = { steps = 3 }", Path::new("mine")).is_err());
+    /// # Ok::<(), spba_ceres::config::ConfigError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// No TOML, an unknown key, a value that the key cannot hold.
     pub fn parse(text: &str, name: &Path) -> Result<Self, ConfigError> {
         Self::laid_over_defaults(Some((table(text, name)?, name)), &[])
     }

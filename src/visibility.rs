@@ -9,25 +9,25 @@
 
 mod surfels;
 
-pub use surfels::{Neighbourhoods, Surfels};
+pub(crate) use surfels::{Neighbourhoods, Surfels};
 
 use crate::geometry::{Pinhole, Pose, Vector3};
 
 /// The point of X that one pixel sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisiblePoint {
-    /// (column, row).
+    /// The pixel (column, row).
     pub pixel: (u32, u32),
-    /// Index into X.
+    /// The point's index in X.
     pub point: u32,
-    /// d = 1 / z_cam.
+    /// The inverse depth 1 / z_cam.
     pub inverse_depth: f64,
 }
 
 /// What one camera sees of X: X_p = M(X; p).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Visibility {
-    /// In row-major order of their pixels.
+    /// The visible points, in row-major order of their pixels.
     pub points: Vec<VisiblePoint>,
     /// Per point of X: whether nothing hides it. All of `points` are, and with surfels also those that share a
     /// pixel with one of them and lie no more than a sample spacing behind it.

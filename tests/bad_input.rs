@@ -9,34 +9,34 @@ use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 
 /// A folder with a valid input in `input/`.
-struct Scene {
+struct Input {
     folder: tempfile::TempDir,
 }
 
-impl Scene {
+impl Input {
     /// A COLMAP workspace (text) with openMVS depth in `openmvs/`.
     fn workspace() -> Self {
-        let scene = Self {
+        let input = Self {
             folder: tempfile::tempdir().unwrap(),
         };
-        fixture::workspace(&scene.path(""));
-        fixture::openmvs(&scene.path("openmvs"), 6, 0.0);
-        scene
+        fixture::workspace(&input.path(""));
+        fixture::openmvs(&input.path("openmvs"), 6, 0.0);
+        input
     }
 
     /// The same as a sequence folder.
     fn sequence() -> Self {
         let workspace = Self::workspace();
-        let scene = Self {
+        let input = Self {
             folder: tempfile::tempdir().unwrap(),
         };
         program()
             .args(["import".as_ref(), workspace.path("").as_os_str()])
             .args(["--depth".as_ref(), workspace.path("openmvs").as_os_str()])
-            .args(["--out".as_ref(), scene.path("").as_os_str()])
+            .args(["--out".as_ref(), input.path("").as_os_str()])
             .assert()
             .success();
-        scene
+        input
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -125,7 +125,7 @@ fn assert_only_input_is_left(folder: &Path) {
 
 #[test]
 fn the_unbroken_inputs_are_usable() {
-    let (workspace, sequence) = (Scene::workspace(), Scene::sequence());
+    let (workspace, sequence) = (Input::workspace(), Input::sequence());
     program().arg("inspect").arg(sequence.path("")).assert().success();
     program()
         .arg("inspect")
@@ -145,67 +145,67 @@ fn the_unbroken_inputs_are_usable() {
 #[test]
 fn masks() {
     let black = |file: &Path| fixture::picture(file, fixture::WIDTH, fixture::HEIGHT, |_, _| 127);
-    let scene = Scene::sequence();
-    black(&scene.path("masks/b.png"));
-    scene.refused(&["masks/b.png: mask is empty", "paint"]);
+    let input = Input::sequence();
+    black(&input.path("masks/b.png"));
+    input.refused(&["masks/b.png: mask is empty", "paint"]);
 
-    let scene = Scene::sequence();
-    scene
+    let input = Input::sequence();
+    input
         .remove("masks/b.png")
         .refused(&["masks/b.png: mask of frame `b` is missing", "put it there"]);
 
-    let scene = Scene::sequence();
-    fixture::picture(&scene.path("masks/b.png"), 31, 24, |_, _| 255);
-    scene.refused(&[
+    let input = Input::sequence();
+    fixture::picture(&input.path("masks/b.png"), 31, 24, |_, _| 255);
+    input.refused(&[
         "masks/b.png: mask is 31 × 24, but the frame is 32 × 24",
         "make it",
     ]);
 
-    let scene = Scene::workspace();
-    scene
+    let input = Input::workspace();
+    input
         .remove("masks/c.png.png")
         .refused(&["masks/c.png.png: mask of frame `c` is missing"]);
 }
 
 #[test]
 fn too_few_frames() {
-    Scene::sequence().refused_with(&["--frames", "1..2"], &["sequence.toml: frames: 1 left", "widen"]);
-    Scene::workspace().refused_with(&["--every", "3"], &["images.txt: frames: 1 left"]);
-    Scene::workspace().refused_with(&["--frames", "7.."], &["frames: 0 left"]);
-    Scene::workspace().refused_with(&["--frames", "2..1"], &["`2..1` holds no frame"]);
-    Scene::workspace().refused_with(&["--every", "0"], &["--every must be at least 1"]);
+    Input::sequence().refused_with(&["--frames", "1..2"], &["sequence.toml: frames: 1 left", "widen"]);
+    Input::workspace().refused_with(&["--every", "3"], &["images.txt: frames: 1 left"]);
+    Input::workspace().refused_with(&["--frames", "7.."], &["frames: 0 left"]);
+    Input::workspace().refused_with(&["--frames", "2..1"], &["`2..1` holds no frame"]);
+    Input::workspace().refused_with(&["--every", "0"], &["--every must be at least 1"]);
 }
 
 #[test]
 fn intrinsics() {
     for (value, shown) in [("nan", "NaN"), ("0.0", "0"), ("-40.0", "-40"), ("inf", "inf")] {
-        let scene = Scene::sequence();
-        scene.edit("sequence.toml", "fx = 40.0", &format!("fx = {value}"));
-        scene.refused(&[
+        let input = Input::sequence();
+        input.edit("sequence.toml", "fx = 40.0", &format!("fx = {value}"));
+        input.refused(&[
             "sequence.toml: frames[0].camera.fx: focal length is",
             shown,
             "greater than zero",
         ]);
     }
-    let scene = Scene::workspace();
-    scene.edit("sparse/cameras.txt", "24 40 40", "24 40 NaN");
-    scene.refused(&["cameras.txt: camera 1.fy: focal length is NaN"]);
+    let input = Input::workspace();
+    input.edit("sparse/cameras.txt", "24 40 40", "24 40 NaN");
+    input.refused(&["cameras.txt: camera 1.fy: focal length is NaN"]);
 
-    let scene = Scene::workspace();
-    scene.edit("sparse/cameras.txt", "PINHOLE", "EQUIRECTANGULAR");
-    scene.refused(&[
+    let input = Input::workspace();
+    input.edit("sparse/cameras.txt", "PINHOLE", "EQUIRECTANGULAR");
+    input.refused(&[
         "cameras.txt: camera model: `EQUIRECTANGULAR` is unknown",
         "convert",
         "OPENCV_FISHEYE",
     ]);
 
-    let scene = Scene::workspace();
-    fixture::sparse_binary(&scene.path(""), 77, &fixture::CAMERA);
-    scene.refused(&["cameras.bin: camera model: `77` is unknown"]);
+    let input = Input::workspace();
+    fixture::sparse_binary(&input.path(""), 77, &fixture::CAMERA);
+    input.refused(&["cameras.bin: camera model: `77` is unknown"]);
 
-    let scene = Scene::workspace();
-    scene.edit("sparse/cameras.txt", "16 12", "16");
-    scene.refused(&["cameras.txt: line 2: camera parameters: 3 numbers, the model has 4"]);
+    let input = Input::workspace();
+    input.edit("sparse/cameras.txt", "16 12", "16");
+    input.refused(&["cameras.txt: line 2: camera parameters: 3 numbers, the model has 4"]);
 }
 
 #[test]
@@ -215,60 +215,60 @@ fn poses() {
         ("focal_deviation", "is no share"),
     ] {
         for value in ["-0.005", "0", "nan", "inf"] {
-            let scene = Scene::sequence();
+            let input = Input::sequence();
             let line = format!("schema = 1\n{field} = {value}\n");
-            scene.edit("sequence.toml", "schema = 1\n", &line);
-            scene.refused(&[&format!("sequence.toml: {field}:"), what, "more than 0"]);
+            input.edit("sequence.toml", "schema = 1\n", &line);
+            input.refused(&[&format!("sequence.toml: {field}:"), what, "more than 0"]);
         }
     }
-    let scene = Scene::sequence();
-    scene.edit("sequence.toml", "rotation = [[1.0", "rotation = [[1.1");
-    scene.refused(&[
+    let input = Input::sequence();
+    input.edit("sequence.toml", "rotation = [[1.0", "rotation = [[1.1");
+    input.refused(&[
         "sequence.toml: frames[0].camera_from_input.rotation: not orthonormal",
         "give an orthonormal",
     ]);
 
-    let scene = Scene::workspace();
-    scene.edit("sparse/images.txt", "2 1 0 0 0", "2 0 0 0 0");
-    scene.refused(&["images.txt: line 4: pose: pose is no rigid motion"]);
+    let input = Input::workspace();
+    input.edit("sparse/images.txt", "2 1 0 0 0", "2 0 0 0 0");
+    input.refused(&["images.txt: line 4: pose: pose is no rigid motion"]);
 }
 
 #[test]
 fn truncated_files() {
     for file in ["cameras.bin", "images.bin", "points3D.bin"] {
-        let scene = Scene::workspace();
-        fixture::sparse_binary(&scene.path(""), 1, &fixture::CAMERA);
-        scene
+        let input = Input::workspace();
+        fixture::sparse_binary(&input.path(""), 1, &fixture::CAMERA);
+        input
             .truncate(&format!("sparse/{file}"))
             .refused(&[file, "file is truncated", "export it again"]);
     }
     for file in ["scene.mvs", "depth0001.dmap"] {
-        let scene = Scene::workspace();
-        scene
+        let input = Input::workspace();
+        input
             .truncate(&format!("openmvs/{file}"))
             .refused_with_depth(&[file, "file is truncated"]);
     }
-    let scene = Scene::workspace();
-    fixture::stereo(&scene.path(""));
-    scene
+    let input = Input::workspace();
+    fixture::stereo(&input.path(""));
+    input
         .truncate("stereo/depth_maps/b.png.geometric.bin")
         .refused(&["b.png.geometric.bin: depth: file is truncated"]);
-    Scene::sequence()
+    Input::sequence()
         .truncate("depth/b.exr")
         .refused(&["depth/b.exr: depth map does not decode", "EXR"]);
-    Scene::sequence()
+    Input::sequence()
         .truncate("images/b.png")
         .refused(&["images/b.png: image does not decode", "PNG or JPEG"]);
-    Scene::workspace()
+    Input::workspace()
         .truncate("sparse/images.txt")
         .refused(&["images.txt: "]);
 }
 
 #[test]
 fn an_openmvs_archive() {
-    let scene = Scene::workspace();
-    fixture::write(&scene.path("openmvs/scene.mvs"), b"MVS\0and more");
-    scene.refused_with_depth(&[
+    let input = Input::workspace();
+    fixture::write(&input.path("openmvs/scene.mvs"), b"MVS\0and more");
+    input.refused_with_depth(&[
         "scene.mvs: format: this is openMVS's internal archive",
         "InterfaceCOLMAP",
     ]);
@@ -276,62 +276,62 @@ fn an_openmvs_archive() {
 
 #[test]
 fn counts_that_disagree() {
-    let scene = Scene::workspace();
-    scene.edit("sparse/images.txt", "images: 3", "images: 4");
-    scene.refused(&[
+    let input = Input::workspace();
+    input.edit("sparse/images.txt", "images: 3", "images: 4");
+    input.refused(&[
         "images.txt: number of images: says 4, but there are 3",
         "export it again",
     ]);
 
-    let scene = Scene::workspace();
-    fixture::sparse_binary(&scene.path(""), 1, &fixture::CAMERA);
-    let mut bytes = std::fs::read(scene.path("sparse/images.bin")).unwrap();
+    let input = Input::workspace();
+    fixture::sparse_binary(&input.path(""), 1, &fixture::CAMERA);
+    let mut bytes = std::fs::read(input.path("sparse/images.bin")).unwrap();
     bytes[0] = 2;
-    fixture::write(&scene.path("sparse/images.bin"), &bytes);
-    scene.refused(&["images.bin: number of images: ", "bytes follow"]);
+    fixture::write(&input.path("sparse/images.bin"), &bytes);
+    input.refused(&["images.bin: number of images: ", "bytes follow"]);
     bytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());
-    fixture::write(&scene.path("sparse/images.bin"), &bytes);
-    scene.refused(&["images.bin: images: file is truncated"]);
+    fixture::write(&input.path("sparse/images.bin"), &bytes);
+    input.refused(&["images.bin: images: file is truncated"]);
 
-    let scene = Scene::workspace();
-    scene.remove("openmvs/depth0002.dmap");
-    scene.refused_with_depth(&[
+    let input = Input::workspace();
+    input.remove("openmvs/depth0002.dmap");
+    input.refused_with_depth(&[
         "scene.mvs: calibrated images: says 3, but there are 2",
         "DensifyPointCloud",
     ]);
 
-    let scene = Scene::workspace();
-    scene
+    let input = Input::workspace();
+    input
         .remove("images/b.png")
         .refused(&["images/b.png: image of frame `b` is missing"]);
 }
 
 #[test]
 fn depth_that_does_not_belong() {
-    let scene = Scene::workspace();
+    let input = Input::workspace();
     let mut map = fixture::dmap(1, "images/b.png", fixture::CAMERA);
     map.center[1] += 0.5;
-    fixture::write(&scene.path("openmvs/depth0001.dmap"), &map.encode());
-    scene.refused_with_depth(&[
+    fixture::write(&input.path("openmvs/depth0001.dmap"), &map.encode());
+    input.refused_with_depth(&[
         "depth0001.dmap: R, C: pose differs from COLMAP's",
         "image_undistorter",
     ]);
 
-    let scene = Scene::workspace();
+    let input = Input::workspace();
     let mut map = fixture::dmap(1, "images/b.png", fixture::CAMERA);
     (map.depth_size, map.z) = ((16, 24), vec![4.0; 16 * 24]);
-    fixture::write(&scene.path("openmvs/depth0001.dmap"), &map.encode());
-    scene.refused_with_depth(&["depth0001.dmap: depth map is 16 × 24, but the frame is 32 × 24"]);
+    fixture::write(&input.path("openmvs/depth0001.dmap"), &map.encode());
+    input.refused_with_depth(&["depth0001.dmap: depth map is 16 × 24, but the frame is 32 × 24"]);
 
-    let scene = Scene::sequence();
+    let input = Input::sequence();
     let small = spba_ceres::image::Grid::filled(5, 4, 1.0f32);
-    spba_ceres::image::write_depth(&small, &scene.path("depth/a.exr")).unwrap();
-    scene.refused(&["depth/a.exr: depth map is 5 × 4, but the frame is 32 × 24"]);
+    spba_ceres::image::write_depth(&small, &input.path("depth/a.exr")).unwrap();
+    input.refused(&["depth/a.exr: depth map is 5 × 4, but the frame is 32 × 24"]);
 
-    let scene = Scene::workspace();
-    scene.refused_with(&["--depth", "nowhere"], &["nowhere/scene.mvs: cannot be read"]);
-    let scene = Scene::sequence();
-    scene.refused_with(
+    let input = Input::workspace();
+    input.refused_with(&["--depth", "nowhere"], &["nowhere/scene.mvs: cannot be read"]);
+    let input = Input::sequence();
+    input.refused_with(
         &["--depth", "openmvs"],
         &["--depth: a sequence folder names its own depth"],
     );
@@ -339,35 +339,35 @@ fn depth_that_does_not_belong() {
 
 #[test]
 fn the_manifest() {
-    let scene = Scene::sequence();
-    scene.edit("sequence.toml", "mask = ", "masc = ");
-    scene.refused(&["sequence.toml: line ", "unknown field `masc`", "expected"]);
+    let input = Input::sequence();
+    input.edit("sequence.toml", "mask = ", "masc = ");
+    input.refused(&["sequence.toml: line ", "unknown field `masc`", "expected"]);
 
-    let scene = Scene::sequence();
-    scene.edit("sequence.toml", "name = \"b\"", "name = \"a\"");
-    scene.refused(&["sequence.toml: frames[1].name: `a` is taken", "name of its own"]);
+    let input = Input::sequence();
+    input.edit("sequence.toml", "name = \"b\"", "name = \"a\"");
+    input.refused(&["sequence.toml: frames[1].name: `a` is taken", "name of its own"]);
 
-    let scene = Scene::sequence();
-    scene.edit("sequence.toml", "\"images/a.png\"", "\"../input/images/a.png\"");
-    scene.refused(&["sequence.toml: frames[0].image: path `../input/images/a.png` leaves the folder"]);
+    let input = Input::sequence();
+    input.edit("sequence.toml", "\"images/a.png\"", "\"../input/images/a.png\"");
+    input.refused(&["sequence.toml: frames[0].image: path `../input/images/a.png` leaves the folder"]);
 
-    let scene = Scene::sequence();
-    scene.edit("sequence.toml", "schema = 1", "schema = 2");
-    scene.refused(&["sequence.toml: schema: 2 is not known here", "reads schema 1"]);
+    let input = Input::sequence();
+    input.edit("sequence.toml", "schema = 1", "schema = 2");
+    input.refused(&["sequence.toml: schema: 2 is not known here", "reads schema 1"]);
 
-    Scene::sequence()
+    Input::sequence()
         .truncate("sequence.toml")
         .refused(&["sequence.toml: line "]);
 }
 
 #[test]
 fn inspect_lists_every_problem() {
-    let scene = Scene::sequence();
-    scene
+    let input = Input::sequence();
+    input
         .edit("sequence.toml", "fx = 40.0", "fx = 0.0")
         .remove("masks/b.png")
         .truncate("images/c.png");
-    let output = program().arg("inspect").arg(scene.path("")).output().unwrap();
+    let output = program().arg("inspect").arg(input.path("")).output().unwrap();
     let said = String::from_utf8(output.stdout).unwrap();
     assert_eq!(said.matches("problem: ").count(), 3, "{said}");
     let message = String::from_utf8(output.stderr).unwrap();
@@ -376,24 +376,24 @@ fn inspect_lists_every_problem() {
 
 #[test]
 fn folders() {
-    let empty = Scene {
+    let empty = Input {
         folder: tempfile::tempdir().unwrap(),
     };
     std::fs::create_dir(empty.path("")).unwrap();
     empty.refused(&["input", "no input of a known kind", "sequence.toml"]);
 
-    let scene = Scene::workspace();
-    std::fs::remove_dir_all(scene.path("masks")).unwrap();
-    scene.refused(&["masks: folder is missing", "one mask an image"]);
+    let input = Input::workspace();
+    std::fs::remove_dir_all(input.path("masks")).unwrap();
+    input.refused(&["masks: folder is missing", "one mask an image"]);
 }
 
 #[test]
 fn an_output_folder_in_use_is_left_alone() {
-    let scene = Scene::workspace();
-    let out = scene.path("images");
+    let input = Input::workspace();
+    let out = input.path("images");
     let output = program()
         .arg("import")
-        .arg(scene.path(""))
+        .arg(input.path(""))
         .arg("--out")
         .arg(&out)
         .output()

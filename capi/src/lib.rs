@@ -3,5 +3,7 @@
 //! [`abi`] holds the functions and all of the `unsafe`; what they do is in `spba-host`, and for correspondences in
 //! [`correspondences`], in safe Rust.
 
+#![warn(missing_docs)]
+
 mod abi;
 mod correspondences;

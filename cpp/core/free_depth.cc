@@ -46,14 +46,14 @@ Triangle Triangular(PatchRows rows) {
 
 FreeDepthCameras::FreeDepthCameras(const Pinhole& intrinsics, const double* twists,
                                    const std::deque<ImageSampler>& images)
-    : intrinsics_(intrinsics), twists_(twists), images_(images), views_(images.size()) {
+    : intrinsics_(intrinsics), twists_(twists), images_(images), posed_(images.size()) {
   Update();
 }
 
 void FreeDepthCameras::Update() {
-  for (std::size_t camera = 0; camera < views_.size(); ++camera) {
+  for (std::size_t camera = 0; camera < posed_.size(); ++camera) {
     const double* const twist = twists_ + 6 * camera;
-    views_[camera] = {Twisted(Pose(), twist), LeftJacobian(Vector3(twist[0], twist[1], twist[2]))};
+    posed_[camera] = {Twisted(Pose(), twist), LeftJacobian(Vector3(twist[0], twist[1], twist[2]))};
   }
 }
 
@@ -71,8 +71,8 @@ bool FreeDepthBlock::Evaluate(double const* const* parameters, double* residuals
   if (!(inverse_depth > 0.0 && depth > kMinDepth)) return false;
   const Pinhole& camera = cameras_.intrinsics();
   const PointColour colour{camera, &cameras_.image(source_)};
-  const FreeDepthCameras::View& target = cameras_.view(patch_.target);
-  const FreeDepthCameras::View& source = cameras_.view(source_);
+  const FreeDepthCameras::PosedCamera& target = cameras_.posed(patch_.target);
+  const FreeDepthCameras::PosedCamera& source = cameras_.posed(source_);
   const Matrix3 source_from_target =
       source.camera_from_world.rotation * target.camera_from_world.rotation.transpose();
   const Vector3 target_in_source =

@@ -18,7 +18,7 @@ namespace spba {
 // Borrows the twists and the images.
 class FreeDepthCameras : public ceres::EvaluationCallback {
  public:
-  struct View {
+  struct PosedCamera {
     Pose camera_from_world;
     // Of the rotation.
     Matrix3 left_jacobian;
@@ -30,18 +30,18 @@ class FreeDepthCameras : public ceres::EvaluationCallback {
   void PrepareForEvaluation(bool, bool new_point) override {
     if (new_point) Update();
   }
-  // Brings the views up to date with the twists.
+  // Brings the poses up to date with the twists.
   void Update();
 
   const Pinhole& intrinsics() const { return intrinsics_; }
-  const View& view(std::uint32_t camera) const { return views_[camera]; }
+  const PosedCamera& posed(std::uint32_t camera) const { return posed_[camera]; }
   const ImageSampler& image(std::uint32_t camera) const { return images_[camera]; }
 
  private:
   const Pinhole intrinsics_;
   const double* const twists_;
   const std::deque<ImageSampler>& images_;
-  std::vector<View> views_;
+  std::vector<PosedCamera> posed_;
 };
 
 // A pixel and those around it, as the camera that has their depth sees them.

@@ -57,9 +57,9 @@ PixelDepthCost::PixelDepthCost(const FreeDepthCameras& cameras, const FreeDepthP
     : camera_(cameras.intrinsics()),
       patch_(cameras, pixel.target, pixel.x, pixel.y),
       squared_width_(loss_width * loss_width * kColours) {
-  const Pose& target = cameras.view(pixel.target).camera_from_world;
+  const Pose& target = cameras.posed(pixel.target).camera_from_world;
   for (const std::uint32_t index : pixel.sources) {
-    const Pose& source = cameras.view(index).camera_from_world;
+    const Pose& source = cameras.posed(index).camera_from_world;
     const Matrix3 turn = source.rotation * target.rotation.transpose();
     sources_.push_back({&cameras.image(index), turn, source.translation - turn * target.translation});
   }

@@ -8,7 +8,7 @@ namespace spba {
 namespace {
 
 // Less curvature than this share of a block's mean is treated as if it were that.
-constexpr double kLeastCurvature = 1e-6;
+constexpr double kMinCurvature = 1e-6;
 
 // x + T delta for a fixed regular T.
 class LinearManifold : public ceres::Manifold {
@@ -57,7 +57,7 @@ class LinearManifold : public ceres::Manifold {
 std::unique_ptr<ceres::Manifold> UnitCurvature(const Eigen::MatrixXd& hessian) {
   Eigen::MatrixXd regular = hessian;
   const double mean = hessian.trace() / static_cast<double>(hessian.rows());
-  regular.diagonal().array() += mean > 0.0 ? kLeastCurvature * mean : 1.0;
+  regular.diagonal().array() += mean > 0.0 ? kMinCurvature * mean : 1.0;
   return std::make_unique<LinearManifold>(regular);
 }
 

@@ -44,7 +44,7 @@ Found ToFound(const cv::Matx33d& rotation, const cv::Vec3d& translation) {
 rust::Vec<Feature> detect(rust::Slice<const std::uint8_t> gray, rust::Slice<const std::uint8_t> mask,
                           std::size_t width, std::size_t height, const DetectOptions& options,
                           rust::Vec<float>& descriptors) {
-  const auto sift = cv::SIFT::create(static_cast<int>(options.most), 3, options.contrast);
+  const auto sift = cv::SIFT::create(static_cast<int>(options.max_features), 3, options.contrast);
   // Of the picture about the object alone: the rest costs as much and its features would count among the
   // most.
   const cv::Mat whole = ToMat(mask, width, height);

@@ -1,5 +1,7 @@
 //! `spba._spba`: the solver for Python. Arrays are numpy's; a solve releases the interpreter.
 
+#![warn(missing_docs)]
+
 mod arrays;
 mod prior;
 mod sequence;

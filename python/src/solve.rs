@@ -12,8 +12,8 @@ use spba_ceres::config::Config;
 use spba_ceres::solver::Termination;
 use spba_host::frames::CPose;
 use spba_host::log::Severity;
+use spba_host::observer::{LogSink, Observer, Progress};
 use spba_host::solve::{self as core, Solved};
-use spba_host::watch::{LogSink, Observer, Progress};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a solve found.

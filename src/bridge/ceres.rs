@@ -38,12 +38,12 @@ pub mod ffi {
     struct FrameFootage {
         /// At full resolution, for silhouettes and depth.
         camera: Camera,
-        /// Finest first.
+        /// The pyramid's levels, finest first.
         levels: Vec<LevelImage>,
         silhouette: NearestPixels,
     }
 
-    /// Eq. 4.
+    /// The photometric term, Eq. 4.
     struct PhotometricTerm {
         weight: f64,
         /// δ1, in colour levels.
@@ -60,7 +60,7 @@ pub mod ffi {
         point_weight: f64,
     }
 
-    /// Eq. 5.
+    /// The silhouette term, Eq. 5.
     struct SilhouetteTerm {
         /// λ1.
         weight: f64,
@@ -72,7 +72,7 @@ pub mod ffi {
         frames: Vec<SilhouetteShare>,
     }
 
-    /// Eq. 6.
+    /// The inverse-depth term, Eq. 6.
     struct InverseDepthTerm {
         /// λ2.
         weight: f64,
@@ -172,7 +172,7 @@ pub mod ffi {
         camera_from_object: Vec<Pose>,
         style: Vec<f64>,
         log_alpha: f64,
-        /// Of the factor that multiplies all focal lengths.
+        /// The logarithm of the factor that multiplies all focal lengths.
         log_focal: f64,
     }
 
@@ -202,12 +202,12 @@ pub mod ffi {
         lbfgs_rank: u32,
         interpolation: Interpolation,
         initial_trust_region_radius: f64,
-        /// Of Levenberg–Marquardt over blocks.
+        /// The linear solver of Levenberg–Marquardt over blocks.
         linear_solver: LinearSolver,
         max_iterations: u32,
         /// Stop once an iteration changes the objective by a smaller share.
         tolerance: f64,
-        /// Of the accumulated evaluation.
+        /// The threads of the accumulated evaluation.
         threads: u32,
     }
 
@@ -274,9 +274,9 @@ pub mod ffi {
         fn rgb(self: &Colours) -> &[f32];
 
         type PriorCallback;
-        /// N.
+        /// The number of points N.
         fn point_count(self: &PriorCallback) -> usize;
-        /// S.
+        /// The number of style entries S.
         fn style_count(self: &PriorCallback) -> usize;
         /// Whether the Jacobian is the same at every style.
         fn is_linear(self: &PriorCallback) -> bool;

@@ -28,15 +28,15 @@ pub mod ffi {
         object: Vec<f64>,
     }
 
-    /// Which features.
+    /// The options of feature detection.
     #[derive(Clone, Copy, Debug)]
     struct DetectOptions {
         /// The image is looked at so many times larger.
         zoom: f64,
         /// SIFT's threshold; OpenCV's default is 0.04.
         contrast: f64,
-        /// At most so many, the strongest.
-        most: usize,
+        /// The maximum number of features; the strongest are kept.
+        max_features: usize,
     }
 
     /// Where a feature is; the centre of the top-left pixel is (0.5, 0.5).

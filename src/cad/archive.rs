@@ -10,7 +10,7 @@ use std::sync::Arc;
 use zip::ZipArchive;
 
 /// No model or texture needs more.
-const MOST_BYTES: u64 = 1 << 30;
+const MAX_BYTES: u64 = 1 << 30;
 /// Folders within folders; a link to a folder above it would go on for ever.
 const DEEPEST: usize = 32;
 
@@ -55,10 +55,10 @@ impl Archive {
             Some(zip) => match zip.by_name(name) {
                 Ok(mut member) => {
                     let mut bytes = Vec::new();
-                    let read = member.by_ref().take(MOST_BYTES).read_to_end(&mut bytes);
+                    let read = member.by_ref().take(MAX_BYTES).read_to_end(&mut bytes);
                     read.and_then(|length| match length as u64 {
                         // A few bytes may unpack to more than there is memory.
-                        MOST_BYTES => Err(io::Error::other("it unpacks to more than a gibibyte")),
+                        MAX_BYTES => Err(io::Error::other("it unpacks to more than a gibibyte")),
                         _ => Ok(bytes),
                     })
                 }

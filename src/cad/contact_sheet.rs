@@ -1,6 +1,6 @@
 //! Many models on one picture, to check them by eye: three-quarter from the front, from its left, from the rear.
 
-use super::render::{Light, Renderer, View};
+use super::render::{Light, Renderer, Viewpoint};
 use super::{Mesh, NamedModel, orbit};
 use crate::geometry::Pinhole;
 use crate::image::{Grid, RgbImage};
@@ -26,7 +26,7 @@ fn strip(mesh: &Mesh, size: usize) -> RgbImage {
     let renderer = Renderer::new(mesh, 3);
     let side = size as f64;
     let pictures = VIEWS.map(|(azimuth_deg, elevation_deg)| {
-        let view = View {
+        let view = Viewpoint {
             camera: Pinhole {
                 fx: 2.4 * side,
                 fy: 2.4 * side,

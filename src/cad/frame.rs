@@ -59,12 +59,12 @@ impl Axes {
         front: Axis::PlusY,
     };
 
-    /// `None` where both lie along one axis.
+    /// The axes with these directions of up and front; `None` where both lie along one axis.
     pub fn new(up: Axis, front: Axis) -> Option<Self> {
         (up.vector().dot(&front.vector()) == 0.0).then_some(Self { up, front })
     }
 
-    /// A rotation.
+    /// The rotation from the file's axes to the object frame's.
     fn canonical_from_file(self) -> Matrix3<f64> {
         let (up, front) = (self.up.vector(), self.front.vector());
         let right = front.cross(&up);

@@ -9,8 +9,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Far more than any model has; a node may be a child of many, and so a small file stand for a large one.
-const MOST_NODES: usize = 100_000;
-const MOST_CORNERS: usize = 100_000_000;
+const MAX_NODES: usize = 100_000;
+const MAX_CORNERS: usize = 100_000_000;
 
 /// Reads the member `name` of `archive`. Vertices stay in the file's frame.
 pub(super) fn read(archive: &mut Archive, name: &str) -> Result<Mesh, CadError> {
@@ -50,7 +50,7 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Mesh, CadError> {
     let mut visited = 0;
     while let Some((node, file_from_parent)) = pending.pop() {
         visited += 1;
-        if visited > MOST_NODES || mesh.vertices.len().max(3 * mesh.triangles.len()) > MOST_CORNERS {
+        if visited > MAX_NODES || mesh.vertices.len().max(3 * mesh.triangles.len()) > MAX_CORNERS {
             return Err(CadError::malformed(
                 path,
                 "scenes",

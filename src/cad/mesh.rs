@@ -15,7 +15,9 @@ const OUT_OF_PROPORTION: f64 = 1e3;
 /// A texture image; its alpha, where it has one, in \[0, 1\], row-major like the image.
 #[derive(Clone, Debug)]
 pub struct Texture {
+    /// The colours, RGB in \[0, 255\].
     pub image: RgbImage,
+    /// The opacity of every pixel, in \[0, 1\], row-major; `None` where the file has no alpha channel.
     pub alpha: Option<Vec<f32>>,
 }
 
@@ -26,22 +28,29 @@ pub struct Material {
     pub diffuse: [f32; 3],
     /// 1 = opaque.
     pub opacity: f32,
+    /// The texture that `diffuse` multiplies; `None` for a plain colour.
     pub texture: Option<Arc<Texture>>,
 }
 
 /// Indices into the mesh's vertices, and texture coordinates (u right, v up, repeating) per corner.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
+    /// Indices into [`Mesh::vertices`], one per corner.
     pub vertices: [u32; 3],
+    /// Texture coordinates (u, v), one pair per corner.
     pub texture_coordinates: [[f32; 2]; 3],
+    /// An index into [`Mesh::materials`].
     pub material: u32,
 }
 
 /// Triangles in no particular order; winding is not relied upon.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
+    /// Vertex positions. [`NamedModel`](super::NamedModel) says in which frame.
     pub vertices: Vec<Vector3<f64>>,
+    /// The triangles.
     pub triangles: Vec<Triangle>,
+    /// The materials that triangles name.
     pub materials: Vec<Material>,
 }
 

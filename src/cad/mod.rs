@@ -15,7 +15,7 @@ mod orbit;
 mod outside;
 mod plain;
 mod random;
-pub mod render;
+pub(crate) mod render;
 pub mod scene;
 mod sgi;
 mod sources;
@@ -29,10 +29,10 @@ mod trigger;
 
 pub use contact_sheet::contact_sheet;
 pub use error::CadError;
-pub use frame::{Axes, Axis};
+pub(crate) use frame::{Axes, Axis};
 pub(crate) use mesh::body_box;
 pub use mesh::{Material, Mesh, Texture, Triangle};
-pub use orbit::orbit;
+pub(crate) use orbit::orbit;
 pub use outside::{OutsideSample, sample_outside, sample_shell};
 pub use plain::load;
 #[cfg(fuzzing)]

@@ -23,7 +23,9 @@ const RAY_START: f64 = 1e-4;
 /// Points on the outside with their outward unit normals, object frame.
 #[derive(Clone, Debug, Default)]
 pub struct OutsideSample {
+    /// Positions, in diagonals.
     pub points: Vec<V3>,
+    /// Outward unit normals, one per point.
     pub normals: Vec<V3>,
 }
 

@@ -6,7 +6,7 @@ use super::{Axes, CadError, Mesh, ac3d, glb, obj};
 use std::path::Path;
 
 const EXTENSIONS: [&str; 4] = [".obj", ".glb", ".ac", ".acc"];
-/// Of what other tools write.
+/// The formats of other tools, which are not read here.
 const OTHERS: [&str; 11] = [
     ".gltf", ".fbx", ".stl", ".ply", ".off", ".dae", ".3ds", ".blend", ".usdz", ".usd", ".x3d",
 ];

@@ -13,7 +13,7 @@ impl Random {
         }
     }
 
-    /// In \[0, 1).
+    /// A uniform number in \[0, 1).
     pub(in crate::cad) fn uniform(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         unit(mix(self.state))

@@ -9,7 +9,7 @@ use super::{Texture, texture};
 pub(super) const MAGIC: [u8; 2] = [0x01, 0xda];
 const HEADER: usize = 512;
 /// No livery needs more.
-const MOST_BYTES: usize = 1 << 28;
+const MAX_BYTES: usize = 1 << 28;
 
 /// The image, or what is wrong with it.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texture, String> {
@@ -26,7 +26,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Texture, String> {
         ));
     }
     // Coded rows may be shared, so a small file could ask for more memory than there is.
-    if channels * width * height > MOST_BYTES {
+    if channels * width * height > MAX_BYTES {
         return Err(format!("{width} x {height} pixels are too many: make it smaller"));
     }
     let mut planes = Vec::with_capacity(channels * height * width);

@@ -19,6 +19,7 @@ pub struct NamedModel {
     pub source: String,
     /// SPDX where the package gives it so, else the package's own words.
     pub licence: String,
+    /// The model's triangles and materials.
     pub mesh: Mesh,
     /// How much it counts in what is learned.
     pub weight: f64,
@@ -28,6 +29,7 @@ pub struct NamedModel {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourceSpec {
+    /// Which reader reads the source.
     pub kind: SourceKind,
     /// What each [`SourceKind`] says.
     pub path: PathBuf,
@@ -43,6 +45,7 @@ pub struct SourceSpec {
     /// Plain folders only: which axis of the files points up and to the front.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<Axis>,
+    /// Plain folders only: which axis of the files points to the object's front.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub front: Option<Axis>,
     /// Plain folders only: the licence of the files.

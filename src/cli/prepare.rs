@@ -104,7 +104,7 @@ impl RawArgs {
         let photos = PhotoOptions::default();
         PrepareOptions {
             photos: PhotoOptions {
-                most: self.max_frames.unwrap_or(photos.most),
+                max_frames: self.max_frames.unwrap_or(photos.max_frames),
                 longest_px: self.max_size.unwrap_or(photos.longest_px),
             },
             focal: self.focal,

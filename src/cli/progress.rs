@@ -2,7 +2,7 @@
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use spba_ceres::solver::TraceRow;
-use spba_ceres::study::Watch as WatchStudy;
+use spba_ceres::study::StudyObserver;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -21,7 +21,7 @@ pub struct Progress {
 struct Shown {
     stage: String,
     began: Instant,
-    /// Of the last plain line.
+    /// When the last plain line was written.
     last: Instant,
 }
 
@@ -119,12 +119,12 @@ fn style(with_end: bool) -> ProgressStyle {
 }
 
 /// Follows the solver, and knows when Ctrl-C came.
-pub struct Watch {
+pub struct SolveProgress {
     progress: Progress,
     interrupted: Arc<AtomicBool>,
 }
 
-impl Watch {
+impl SolveProgress {
     pub fn start() -> anyhow::Result<Self> {
         Ok(Self {
             progress: Progress::new(),
@@ -194,7 +194,7 @@ impl StudyWatch {
     }
 }
 
-impl WatchStudy for StudyWatch {
+impl StudyObserver for StudyWatch {
     fn planned(&self, jobs: usize) {
         self.count(0, jobs);
     }

@@ -147,7 +147,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
     let solve = |sequence: &Sequence, starts: &[Initialisation]| -> anyhow::Result<Solution> {
-        let watch = progress::Watch::start()?;
+        let progress = progress::SolveProgress::start()?;
         let solution = solver::solve(
             &Footage::new(sequence, config.solver.levels)?,
             &prior,
@@ -155,9 +155,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             starts,
             &config.objective,
             &config.solver,
-            &|row| watch.see(row),
+            &|row| progress.see(row),
         )?;
-        watch.finish();
+        progress.finish();
         Ok(solution)
     };
     let mut solution = solve(&sequence, &starts)?;
@@ -300,7 +300,7 @@ fn with_masks_by_shape(
     Ok(Some((mended, names)))
 }
 
-/// As results name a prior.
+/// The prior's name and version as results give them.
 fn name_of(prior: &PriorInfo) -> String {
     format!("{} {} (schema {})", prior.category, prior.kind, prior.schema)
 }

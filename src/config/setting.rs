@@ -13,7 +13,7 @@ const OPENING: [char; 4] = ['[', '{', '"', '\''];
 /// One key of the configuration with its value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Dotted, such as `objective.pairs.offsets`.
+    /// The key's dotted path, such as `objective.pairs.offsets`.
     key: String,
     value: Value,
     /// What was given on the command line; error messages show it.

@@ -12,7 +12,7 @@ use crate::sequence::{Frame, Sequence, same_frame};
 pub struct Estimated {
     /// The frame's name, its index in the truth, `camera_from_object`.
     pub frames: Vec<(String, usize, Pose)>,
-    /// One per entry of `frames`.
+    /// The depth map of each entry of `frames`; `None` where it has none.
     pub depth: Vec<Option<DepthMap>>,
     /// Brings `depth` into object units.
     pub depth_scale: f64,

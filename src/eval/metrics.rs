@@ -42,7 +42,9 @@ fn mean_nearest(from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Option<f64> {
 /// Mean and maximum over frames.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MeanMax {
+    /// The arithmetic mean.
     pub mean: f64,
+    /// The largest value.
     pub max: f64,
 }
 

@@ -10,10 +10,11 @@ mod platform;
 mod truth;
 mod turn;
 
-pub use align::align_to_truth;
-pub use depth::DepthPairs;
+use align::align_to_truth;
+pub(crate) use depth::DepthPairs;
 pub use estimated::Estimated;
-pub use metrics::{MeanMax, chamfer, location_error, orientation_error_deg};
+pub(crate) use metrics::location_error;
+pub use metrics::{MeanMax, chamfer, orientation_error_deg};
 pub use platform::{Platform, PlatformError, TurnError, TurnTable};
 pub use truth::{FrameErrors, TruthErrors, against_truth};
 pub use turn::{TurnErrors, against_turn};

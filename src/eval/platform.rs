@@ -9,23 +9,40 @@ use std::path::{Path, PathBuf};
 /// The platform turns at a constant rate; image i was taken `seconds` after the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Platform {
-    /// T, one full turn.
+    /// The time of one full turn, seconds.
     pub full_turn_s: f64,
     /// +1 or −1. Only the sign of the fitted axis depends on it.
     pub sense: f64,
-    /// (image name, seconds), in the file's order.
+    /// Each image's name and time in seconds, in the file's order.
     pub times: Vec<(String, f64)>,
 }
 
+/// Why the files that describe a turning platform cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum PlatformError {
+    /// A file cannot be read.
     #[error("{}: {problem}", path.display())]
-    Io { path: PathBuf, problem: std::io::Error },
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// A file lacks a value or holds one that is out of range.
     #[error("{}: {message}", path.display())]
-    Invalid { path: PathBuf, message: String },
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The line or key, what is wrong and how to mend it.
+        message: String,
+    },
 }
 
 impl Platform {
+    /// Reads a platform from `turn.txt` (`turn`) and `times.txt` (`times`), as docs/formats.md describes them.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or a value that is missing or out of range.
     pub fn load(turn: &Path, times: &Path) -> Result<Self, PlatformError> {
         let read = |path: &Path| {
             crate::files::read_text(path).map_err(|problem| PlatformError::Io {
@@ -79,8 +96,11 @@ impl Platform {
 /// [`TurnErrors`] with the frames' names and the platform's angles.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TurnTable {
+    /// The frames' names, in order.
     pub frames: Vec<String>,
+    /// The angle by which the platform turned since the first of `frames`, degrees, signed by its sense; one per frame.
     pub platform_deg: Vec<f64>,
+    /// The rotation errors of `frames`, and the fitted axis.
     #[serde(flatten)]
     pub errors: TurnErrors,
 }
@@ -88,8 +108,10 @@ pub struct TurnTable {
 /// Why rotations cannot be compared with the platform's.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum TurnError {
+    /// A frame is not in the list of times. The field is the frame's name.
     #[error("frame {0} is not in the times; add its line")]
     NoTime(String),
+    /// The rotations do not determine an axis: there are fewer than three, or they are all alike.
     #[error("the poses do not turn; at least three frames with rotation between them are needed")]
     Still,
 }

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 /// One frame's errors. Lengths in object units unless the name says otherwise (diagonal 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameErrors {
+    /// The frame's name.
     pub name: String,
+    /// The angle between the estimated and the true rotation of the camera in the object frame, degrees.
     pub orientation_error_deg: f64,
     /// Distance of the camera centres, % of the object's diagonal.
     pub location_error_percent: f64,
@@ -18,29 +20,36 @@ pub struct FrameErrors {
     pub depth_error: Option<f64>,
     /// The share of the true silhouette's pixels with an estimated depth.
     pub density: Option<f64>,
-    /// Against the true silhouette.
+    /// The IoU of the estimated shape's silhouette with the true one, in \[0, 1\].
     pub silhouette_iou: Option<f64>,
 }
 
 /// [`FrameErrors`] and their summary; means are over frames, the depth error's over pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruthErrors {
+    /// The orientation error over the frames, degrees; `None` without a frame of known truth.
     pub orientation_error_deg: Option<MeanMax>,
+    /// The location error over the frames, % of the object's diagonal; `None` without a frame of known truth.
     pub location_error_percent: Option<MeanMax>,
     /// The same two after the first camera is given and the scale fitted (Eq. 8), as the paper judges methods without an
     /// object frame: what is left when the frame's own error is forgiven. The first camera's 0 counts in the means.
     pub aligned_orientation_error_deg: Option<MeanMax>,
+    /// The location error after the first camera is given and the scale fitted, % of the object's diagonal.
     pub aligned_location_error_percent: Option<MeanMax>,
+    /// Mean \|z − z_true\| over the pixels of all frames that are known in both, object units; `None` without such pixels.
     pub depth_error: Option<f64>,
     /// The depth error once all depths are multiplied by one more number, the same in every frame, that makes it least
     /// ([`DepthPairs::best_scale`]): what is left when the scale's own error is forgiven.
     pub depth_error_at_best_scale: Option<f64>,
     /// That number; 1 where the depths' scale is right.
     pub best_depth_scale: Option<f64>,
+    /// The mean density over the frames that have one.
     pub density_mean: Option<f64>,
+    /// The mean silhouette IoU over the frames that have one.
     pub silhouette_iou_mean: Option<f64>,
     /// ½ of both mean nearest-neighbour distances to the true shape, % of the diagonal.
     pub chamfer_percent: Option<f64>,
+    /// The errors frame by frame, in the sequence's order.
     pub frames: Vec<FrameErrors>,
 }
 

@@ -13,8 +13,9 @@ pub struct TurnErrors {
     pub axis: [f64; 3],
     /// Added to every predicted angle: timestamps tick.
     pub offset_deg: f64,
-    /// One per frame.
+    /// The angle between each frame's rotation and the platform's, degrees.
     pub errors_deg: Vec<f64>,
+    /// Mean and maximum of `errors_deg`, degrees.
     pub summary: MeanMax,
 }
 

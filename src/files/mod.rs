@@ -10,12 +10,12 @@ use std::path::Path;
 /// A text file in UTF-8, or UTF-16 as its byte-order mark says, without that mark.
 ///
 /// # Errors
-/// Of kind `InvalidData` where it is neither.
+/// An error of kind `InvalidData` where it is neither.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     decode_text(std::fs::read(path)?)
 }
 
-/// Likewise, of a file's bytes.
+/// The text of a file's bytes, likewise.
 pub(crate) fn decode_text(bytes: Vec<u8>) -> Result<String> {
     let wide = |order: fn([u8; 2]) -> u16| {
         let units: Vec<u16> = bytes[2..]

@@ -15,7 +15,7 @@ pub(crate) struct Staging {
 }
 
 impl Staging {
-    /// An empty folder.
+    /// Makes an empty folder beside the target.
     ///
     /// # Errors
     /// Of kind `ResourceBusy` where another program is making the same target.
@@ -48,15 +48,15 @@ impl Staging {
         }
     }
 
-    /// Where to write.
+    /// The folder to write into.
     pub fn path(&self) -> &Path {
         &self.folder
     }
 
-    /// Makes it the target.
+    /// Renames the folder to the target.
     ///
     /// # Errors
-    /// Of kind `AlreadyExists` where there is one.
+    /// An error of kind `AlreadyExists` where the target exists.
     pub fn publish(self) -> Result<()> {
         if self.target.symlink_metadata().is_ok() {
             return Err(ErrorKind::AlreadyExists.into());

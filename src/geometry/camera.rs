@@ -3,11 +3,24 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Pinhole intrinsics in pixels; the centre of the top-left pixel is (0.5, 0.5).
+///
+/// ```
+/// use spba_ceres::geometry::{Pinhole, Vector3};
+///
+/// let camera = Pinhole { fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 };
+/// let pixel = camera.project(&Vector3::new(0.2, 0.0, 2.0)).unwrap();
+/// assert_eq!((pixel.x, pixel.y), (370.0, 240.0));
+/// assert!(camera.project(&Vector3::new(0.0, 0.0, -1.0)).is_none()); // behind the camera
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Pinhole {
+    /// The focal length along x, pixels.
     pub fx: f64,
+    /// The focal length along y, pixels.
     pub fy: f64,
+    /// The column of the principal point, pixels.
     pub cx: f64,
+    /// The row of the principal point, pixels.
     pub cy: f64,
 }
 
@@ -42,7 +55,7 @@ impl Pinhole {
         }
     }
 
-    /// K (3 × 3).
+    /// The 3 × 3 calibration matrix K.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
     }

@@ -5,13 +5,28 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 /// A rigid transform `b_from_a`: `x_b = rotation x_a + translation`.
+///
+/// ```
+/// use spba_ceres::geometry::{Pose, Rotation3, Vector3};
+///
+/// let camera_from_object = Pose {
+///     rotation: Rotation3::identity(),
+///     translation: Vector3::new(0.0, 0.0, 2.0),
+/// };
+/// let centre_of_object = camera_from_object.transform(&Vector3::zeros());
+/// assert_eq!(centre_of_object.z, 2.0); // two diagonals before the camera
+/// assert_eq!(camera_from_object.center().z, -2.0); // the camera in the object frame
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
+    /// The rotation R of `x_b = R x_a + t`.
     pub rotation: Rotation3<f64>,
+    /// The translation t of `x_b = R x_a + t`, in units of both frames.
     pub translation: Vector3<f64>,
 }
 
 impl Pose {
+    /// The pose that leaves every point where it is.
     pub fn identity() -> Self {
         Self {
             rotation: Rotation3::identity(),
@@ -40,12 +55,12 @@ impl Pose {
         )
     }
 
-    /// `x_b` of `x_a`.
+    /// The point `x_b` in frame b of `x_a` in frame a.
     pub fn transform(&self, point_in_a: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * point_in_a + self.translation
     }
 
-    /// `a_from_b`.
+    /// The inverse transform `a_from_b`.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
         Self {

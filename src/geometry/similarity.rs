@@ -2,21 +2,24 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-/// `x_b = scale · rotation x_a + translation`.
+/// A similarity transform `b_from_a`: `x_b = scale · rotation x_a + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
+    /// The factor by which lengths grow from frame a to frame b; more than 0.
     pub scale: f64,
+    /// The rotation from frame a to frame b.
     pub rotation: Rotation3<f64>,
+    /// The origin of frame a in frame b, in units of b.
     pub translation: Vector3<f64>,
 }
 
 impl Similarity {
-    /// `x_b` of `x_a`.
+    /// The point `x_b` in frame b of `x_a` in frame a.
     pub fn transform(&self, point_in_a: &Vector3<f64>) -> Vector3<f64> {
         self.scale * (self.rotation * point_in_a) + self.translation
     }
 
-    /// `a_from_b`.
+    /// The inverse transform `a_from_b`.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
         let scale = 1.0 / self.scale;

@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::path::Path as FilePath;
 
 /// No lossless EXR compression packs more pixels into a byte; a header that claims more is broken.
-const MOST_PIXELS_PER_BYTE: usize = 1024;
+const MAX_PIXELS_PER_BYTE: usize = 1024;
 
 /// Reads the channel `Z` of an EXR file; values are returned as they stand.
 pub fn read_depth(file: &FilePath) -> std::result::Result<DepthMap, ImageError> {
@@ -65,7 +65,7 @@ fn decode(bytes: &[u8], name: &str) -> exr::error::Result<Grid<f32>> {
     let chunks = exr::block::read(Cursor::new(bytes), false)?;
     for header in chunks.headers() {
         let Vec2(width, height) = header.layer_size;
-        if width.saturating_mul(height) > bytes.len().saturating_mul(MOST_PIXELS_PER_BYTE) {
+        if width.saturating_mul(height) > bytes.len().saturating_mul(MAX_PIXELS_PER_BYTE) {
             let claim = format!(
                 "its header says {width} × {height} pixels, but the file holds {} bytes",
                 bytes.len()

@@ -8,15 +8,15 @@ pub struct Grid<T> {
     data: Vec<T>,
 }
 
-/// Colour, RGB in \[0, 255\].
+/// A colour image, RGB in \[0, 255\].
 pub type RgbImage = Grid<[f32; 3]>;
-/// True on the object.
+/// A mask: true on the object.
 pub type Mask = Grid<bool>;
-/// z in the units of the poses that belong to it; 0 = unknown.
+/// A depth map: z in the units of the poses that belong to it; 0 = unknown.
 pub type DepthMap = Grid<f32>;
 
 impl DepthMap {
-    /// Where there is a depth.
+    /// The mask of the pixels with a depth.
     pub fn known(&self) -> Mask {
         Grid::from_fn(self.width(), self.height(), |column, row| {
             self[(column, row)] > 0.0
@@ -25,6 +25,7 @@ impl DepthMap {
 }
 
 impl<T: Clone> Grid<T> {
+    /// A raster of `width` × `height` pixels that all hold `value`.
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self {
             width,
@@ -40,36 +41,43 @@ impl<T> Grid<T> {
         (data.len() == width * height).then_some(Self { width, height, data })
     }
 
+    /// A raster of `width` × `height` pixels; `pixel` gives the value at (column, row).
     pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> T) -> Self {
         let data = (0..width * height).map(|i| pixel(i % width, i / width)).collect();
         Self { width, height, data }
     }
 
+    /// The number of columns.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// The number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// (width, height) in pixels.
+    /// The size (width, height) in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
 
+    /// The pixels, row after row.
     pub fn data(&self) -> &[T] {
         &self.data
     }
 
+    /// The pixels, row after row, without a copy.
     pub fn into_data(self) -> Vec<T> {
         self.data
     }
 
+    /// The pixels, row after row, to be changed in place.
     pub fn data_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
+    /// The pixel at (`column`, `row`); `None` outside the raster.
     pub fn get(&self, column: usize, row: usize) -> Option<&T> {
         (column < self.width && row < self.height).then(|| &self.data[row * self.width + column])
     }
@@ -83,7 +91,7 @@ impl<T> Grid<T> {
 
 impl<T> std::ops::Index<(usize, usize)> for Grid<T> {
     type Output = T;
-    /// (column, row).
+    /// The pixel at (column, row); panics outside the raster.
     fn index(&self, (column, row): (usize, usize)) -> &T {
         &self.data[row * self.width + column]
     }

@@ -16,15 +16,17 @@ mod pyramid;
 mod remap;
 
 pub use blur::blur;
-pub use depth::{read_depth, read_deviation, write_depth, write_deviation};
-pub use distance::NearestPixel;
+pub use depth::{read_depth, write_depth};
+pub(crate) use depth::{read_deviation, write_deviation};
+pub(crate) use distance::NearestPixel;
 pub use error::ImageError;
 pub use files::{read_rgb, read_rgb_covering, write_mask, write_rgb};
 pub use grid::{DepthMap, Grid, Mask, RgbImage};
 pub use mask_file::read_mask;
 pub use names::mask_of;
 pub use picture::Turn;
-pub use pyramid::{halve_depth, halve_image, halve_mask, pyramid};
+pub use pyramid::pyramid;
+pub(crate) use pyramid::{halve_depth, halve_mask};
 
 pub(crate) use files::{one_line, rgb};
 pub(crate) use mask_file::mask_of_pixels;

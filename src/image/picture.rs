@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 /// No picture may take more memory than this once decoded: 2³⁰ bytes are 350 million pixels of 8-bit colour.
-const MOST_BYTES: u64 = 1 << 30;
+const MAX_BYTES: u64 = 1 << 30;
 /// A byte of a JPEG holds no more pixels than this: each block of 64 takes a bit for its mean at least, and twice as many are allowed.
 const JPEG_PIXELS_PER_BYTE: u64 = 1024;
 
@@ -28,7 +28,7 @@ impl Default for Turn {
 }
 
 impl Turn {
-    /// Whether there is nothing to do.
+    /// Whether the picture is upright as it is.
     pub fn is_none(self) -> bool {
         self == Self::default()
     }
@@ -73,7 +73,7 @@ impl PictureFile {
         let told = |error: image::ImageError| one_line(&error.to_string());
         let mut decoder = reader.into_decoder().map_err(told)?;
         let (width, height) = decoder.dimensions();
-        if decoder.total_bytes() > MOST_BYTES {
+        if decoder.total_bytes() > MAX_BYTES {
             return Err(format!("{width} × {height} pixels are too many"));
         }
         if is_jpeg && u64::from(width) * u64::from(height) > JPEG_PIXELS_PER_BYTE * bytes.len() as u64 {
@@ -84,7 +84,7 @@ impl PictureFile {
         Ok(Self { pixels, turn })
     }
 
-    /// As a viewer shows it.
+    /// The picture as a viewer shows it: turned and mirrored.
     pub fn upright(self) -> DynamicImage {
         self.turn.apply(self.pixels)
     }

@@ -3,11 +3,9 @@
 //! The paper keeps the template with the highest IoU. A car's silhouette is nearly the same from the front left
 //! and the rear right, so several are kept, front/rear partners among them, and the objective chooses.
 
-use super::placement::{Placement, Scene, Shape, Shown};
-use super::silhouette::Observation;
+use super::placement::{Evidence, Placement, Shape, Shown};
 use super::templates::{Template, TemplateGrid};
-use crate::geometry::{Pinhole, Pose};
-use crate::image::Mask;
+use crate::geometry::Pose;
 use rayon::prelude::*;
 
 /// A template is placed by all frames and all points unless so many better ones, as placed by the target's mask and few
@@ -21,6 +19,7 @@ const FEW_POINTS: f64 = 0.25;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HypothesisOptions {
+    /// The templates that are tried.
     pub grid: TemplateGrid,
     /// K: hypotheses kept, of which each gets a short solve with the default weights. The paper keeps the one of best IoU.
     pub count: usize,
@@ -41,34 +40,16 @@ impl Default for HypothesisOptions {
 /// A candidate for p0. The angles (degrees, conventions as in [`TemplateGrid`]) are those of the ray to the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseHypothesis {
+    /// The object's pose in the camera of the target frame, p0 of Eq. 2; lengths in diagonals.
     pub target_from_object: Pose,
+    /// The direction from which the camera sees the object: 0 sees its front, 90 its right side.
     pub azimuth_deg: f64,
+    /// The camera's height above the object's horizontal plane.
     pub elevation_deg: f64,
+    /// The camera's roll about its line of sight; positive turns the image clockwise.
     pub roll_deg: f64,
     /// Silhouette IoU in the target frame.
     pub iou: f64,
-}
-
-/// The best distinct poses, best IoU first, from one frame's mask. `points` (xyz after xyz, object frame) sample the
-/// prior's mean shape, and so does any first part of them, as farthest points do. Empty where the mask is.
-pub fn pose_hypotheses(
-    points: &[f64],
-    mask: &Mask,
-    camera: &Pinhole,
-    options: &HypothesisOptions,
-) -> Vec<PoseHypothesis> {
-    let Some(target) = Observation::new(mask, *camera) else {
-        return Vec::new();
-    };
-    let scene = Scene {
-        target,
-        reconstruction: None,
-    };
-    let found = search(&scene, &Shape::new(points), options, &|| true);
-    found
-        .into_iter()
-        .map(|candidate| candidate.hypothesis())
-        .collect()
 }
 
 /// A template in its place.
@@ -105,26 +86,27 @@ impl Candidate {
     }
 }
 
-/// The K best distinct candidates by mean IoU, best first; `shape` has the points of [`pose_hypotheses`]. Once `go_on` says no,
+/// The K best distinct candidates by mean IoU, best first; The points of `shape` sample the prior's mean
+/// shape, and so does any first part of them, as farthest points do. Once `go_on` says no,
 /// what is left is not looked at.
 pub(super) fn search(
-    scene: &Scene,
+    evidence: &Evidence,
     shape: &Shape,
     options: &HypothesisOptions,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Candidate> {
-    let Some(centroid) = scene.target.centroid_px(&scene.target.mask) else {
+    let Some(centroid) = evidence.target.centroid_px(&evidence.target.mask) else {
         return Vec::new();
     };
-    let ray = scene.target.camera.unproject(&centroid, 1.0);
+    let ray = evidence.target.camera.unproject(&centroid, 1.0);
     let coarse = shape.first(FEW_POINTS);
     let by_target =
-        |shape: &Shape, template: &Template| scene.place_by_target(shape, &template.rotation(&ray));
+        |shape: &Shape, template: &Template| evidence.place_by_target(shape, &template.rotation(&ray));
     let placed = |template: Template| {
         if !go_on() {
             return None;
         }
-        let placement = scene.place_by_all(shape, by_target(shape, &template)?);
+        let placement = evidence.place_by_all(shape, by_target(shape, &template)?);
         Some(Candidate { template, placement })
     };
     let roughly_placed = |template: Template| {
@@ -210,9 +192,32 @@ fn refine(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vector3;
+    use crate::geometry::{Pinhole, Vector3};
+    use crate::image::Mask;
+    use crate::init::silhouette::Observation;
     use crate::init::testing::{BoxCar, CAMERA, sequence};
     use crate::prior::ShapePrior;
+
+    /// What [`search`] finds from one frame's mask alone; nothing where it is empty.
+    fn pose_hypotheses(
+        points: &[f64],
+        mask: &Mask,
+        camera: &Pinhole,
+        options: &HypothesisOptions,
+    ) -> Vec<PoseHypothesis> {
+        let Some(target) = Observation::new(mask, *camera) else {
+            return Vec::new();
+        };
+        let evidence = Evidence {
+            target,
+            reconstruction: None,
+        };
+        let found = search(&evidence, &Shape::new(points), options, &|| true);
+        found
+            .into_iter()
+            .map(|candidate| candidate.hypothesis())
+            .collect()
+    }
 
     fn template(azimuth_deg: f64, elevation_deg: f64, roll_deg: f64) -> Template {
         Template {

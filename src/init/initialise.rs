@@ -3,7 +3,7 @@
 use super::Estimate;
 use super::cameras_from_input;
 use super::hypotheses::{HypothesisOptions, PoseHypothesis, search};
-use super::placement::{Reconstruction, Scene, Shape, TargetDepth};
+use super::placement::{Evidence, Reconstruction, Shape, TargetDepth};
 use super::silhouette::Observation;
 use super::templates::Template;
 use crate::geometry::Pose;
@@ -19,6 +19,7 @@ const DEPTH_COLUMNS: usize = 128;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InitOptions {
+    /// The templates and how many hypotheses are kept.
     pub hypotheses: HypothesisOptions,
     /// Points of the prior that make a silhouette.
     pub points: usize,
@@ -39,7 +40,9 @@ impl Default for InitOptions {
 /// One starting point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Initialisation {
+    /// The variables at this starting point.
     pub estimate: Estimate,
+    /// The hypothesis from which p0 comes.
     pub hypothesis: PoseHypothesis,
     /// What the list is sorted by: the mean silhouette IoU over the chosen frames where off-the-shelf poses exist,
     /// the target's own otherwise.
@@ -49,24 +52,63 @@ pub struct Initialisation {
 /// Why there is no starting point.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum InitError {
+    /// The sequence has no frame.
     #[error("sequence `{sequence}`: no frames; give at least two")]
-    NoFrames { sequence: String },
+    NoFrames {
+        /// The sequence's name.
+        sequence: String,
+    },
+    /// A mask holds no pixel of the object.
     #[error("frame {frame} `{name}`: the mask is empty; mark the object in it or leave the frame out")]
-    EmptyMask { frame: usize, name: String },
+    EmptyMask {
+        /// The frame's index.
+        frame: usize,
+        /// The frame's name.
+        name: String,
+    },
+    /// The given style has not as many entries as the prior has modes.
     #[error("style has {given} entries, the prior wants {wanted}; give as many as the prior has modes")]
-    StyleLength { given: usize, wanted: usize },
+    StyleLength {
+        /// The entries that were given.
+        given: usize,
+        /// The entries that the prior wants.
+        wanted: usize,
+    },
+    /// An earlier estimate has not one pose per frame.
     #[error("{given} poses for {frames} frames; give one a frame")]
-    Poses { given: usize, frames: usize },
+    Poses {
+        /// The poses that were given.
+        given: usize,
+        /// The frames of the sequence.
+        frames: usize,
+    },
+    /// An option of the initialisation is out of range.
     #[error("init option `{field}` is {value}; {mend}")]
     Option {
+        /// The option's key under `init`.
         field: &'static str,
+        /// Its value.
         value: String,
+        /// What to give instead.
         mend: &'static str,
     },
+    /// Not one template can be placed on the target's mask.
     #[error("frame {frame} `{name}`: no template fits the mask; check the mask and the focal length")]
-    NothingFits { frame: usize, name: String },
+    NothingFits {
+        /// The target's index.
+        frame: usize,
+        /// The target's name.
+        name: String,
+    },
+    /// The target frame does not exist.
     #[error("the target is frame {target}, but there are {frames}; give 0 to {}", frames - 1)]
-    Target { target: usize, frames: usize },
+    Target {
+        /// The index that was given.
+        target: usize,
+        /// The frames of the sequence.
+        frames: usize,
+    },
+    /// The caller stopped the search.
     #[error("interrupted before there was a starting point")]
     Interrupted,
 }
@@ -119,13 +161,13 @@ pub fn initialise_while(
             depth: target_depth(&sequence.frames[target]),
         }
     });
-    let scene = Scene {
+    let evidence = Evidence {
         target: observations[target].clone(),
         reconstruction,
     };
 
     let shape = Shape::new(&points);
-    let candidates = search(&scene, &shape, &options.hypotheses, go_on);
+    let candidates = search(&evidence, &shape, &options.hypotheses, go_on);
     if !go_on() {
         return Err(InitError::Interrupted);
     }
@@ -141,7 +183,7 @@ pub fn initialise_while(
         let camera_from_object = match &input_poses {
             Some(poses) => cameras_from_input(&hypothesis.target_from_object, target, poses, alpha),
             None => cameras_from_masks(
-                &scene,
+                &evidence,
                 &shape,
                 &observations,
                 &hypothesis.target_from_object,
@@ -329,7 +371,7 @@ fn target_depth(frame: &Frame) -> Option<TargetDepth> {
 
 /// Without off-the-shelf poses: the target's rotation everywhere, each frame placed by its own mask.
 fn cameras_from_masks(
-    scene: &Scene,
+    evidence: &Evidence,
     shape: &Shape,
     observations: &[Observation],
     target_from_object: &Pose,
@@ -339,7 +381,7 @@ fn cameras_from_masks(
         if l == target {
             return *target_from_object;
         }
-        let translation = scene
+        let translation = evidence
             .place_in(shape, frame, &target_from_object.rotation)
             .unwrap_or(target_from_object.translation);
         Pose {

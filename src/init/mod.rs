@@ -11,7 +11,7 @@ mod templates;
 #[cfg(test)]
 mod testing;
 
-pub use hypotheses::{HypothesisOptions, PoseHypothesis, pose_hypotheses};
+pub use hypotheses::{HypothesisOptions, PoseHypothesis};
 pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at, initialise_while};
 pub use motion::cameras_from_input;
 pub use scale::scale_from_inverse_depth;
@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 pub struct Estimate {
     /// p_l: one per frame of the sequence, in its order.
     pub camera_from_object: Vec<Pose>,
-    /// s, S entries.
+    /// The style s, S entries.
     pub style: Vec<f64>,
     /// α: x_cam = α x'_cam (Eq. 10).
     pub alpha: f64,
@@ -35,7 +35,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// L.
+    /// The number of frames.
     pub fn frame_count(&self) -> usize {
         self.camera_from_object.len()
     }

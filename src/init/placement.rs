@@ -10,7 +10,7 @@ use crate::image::{DepthMap, Mask};
 use crate::visibility::{Surfels, visible_points};
 
 /// No part of an object of diagonal 1 is then behind the camera.
-const NEAREST_DEPTH: f64 = 0.55;
+const MIN_DEPTH: f64 = 0.55;
 /// Rounds of matching bounding boxes, which works from anywhere, then areas and centroids, which is exact.
 const BOX_ROUNDS: usize = 4;
 const AREA_ROUNDS: usize = 5;
@@ -24,7 +24,7 @@ const ALPHA_HOLD: f64 = 0.02;
 pub(super) struct Shape {
     /// Object frame, as visibility wants them: xyz after xyz.
     points: Vec<f64>,
-    /// The same points.
+    /// The same points, laid out for rendering.
     cloud: Cloud,
     surfels: Surfels,
 }
@@ -39,7 +39,7 @@ impl Shape {
         }
     }
 
-    /// Of the first points alone, a share of all.
+    /// The shape of the first points alone, a share of all.
     pub fn first(&self, share: f64) -> Self {
         let count = (share * (self.points.len() / 3) as f64).ceil() as usize;
         Self::new(&self.points[..3 * count])
@@ -58,8 +58,8 @@ impl Shape {
     }
 }
 
-/// What the frames show.
-pub(super) struct Scene {
+/// What the frames show of the object: the evidence by which templates are placed.
+pub(super) struct Evidence {
     pub target: Observation,
     pub reconstruction: Option<Reconstruction>,
 }
@@ -68,7 +68,7 @@ pub(super) struct Scene {
 pub(super) struct Reconstruction {
     /// One per chosen frame, the target first.
     pub camera_from_input: Vec<Pose>,
-    /// Of the chosen source frames.
+    /// The observations of the chosen source frames.
     pub sources: Vec<Observation>,
     pub depth: Option<TargetDepth>,
 }
@@ -84,7 +84,7 @@ pub(super) struct TargetDepth {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
     pub target_from_object: Pose,
-    /// `None` without a reconstruction.
+    /// α of Eq. 10; `None` without a reconstruction.
     pub alpha: Option<f64>,
     /// Silhouette IoU in the target frame.
     pub target_iou: f64,
@@ -98,7 +98,7 @@ pub(super) struct Shown {
     silhouettes: Vec<Silhouette>,
 }
 
-impl Scene {
+impl Evidence {
     /// The template where the target's mask alone and the depth there put it. `None` where the template cannot be
     /// brought onto the mask.
     pub fn place_by_target(&self, shape: &Shape, rotation: &Rotation3<f64>) -> Option<Shown> {
@@ -212,7 +212,7 @@ impl Scene {
         let size = (log_ratio / poses.len() as f64).exp() * target_from_object.translation.norm()
             / solution.xyz().norm();
         let (translation, alpha) = (solution.xyz() * size, solution.w * size);
-        (translation.z > NEAREST_DEPTH && alpha > 0.0 && alpha.is_finite()).then_some((
+        (translation.z > MIN_DEPTH && alpha > 0.0 && alpha.is_finite()).then_some((
             Pose {
                 translation,
                 ..target_from_object
@@ -274,7 +274,7 @@ impl Scene {
 }
 
 impl Reconstruction {
-    /// Eq. 11.
+    /// α by Eq. 11.
     fn scale(&self, shape: &Shape, target_from_object: &Pose) -> Option<f64> {
         let TargetDepth { depth, mask, camera } = self.depth.as_ref()?;
         let seen = visible_points(
@@ -294,5 +294,5 @@ fn moved(camera: &Pinhole, translation: &Vector3<f64>, shift: &Vector2<f64>, rat
         camera.fx * translation.x / translation.z + camera.cx + shift.x,
         camera.fy * translation.y / translation.z + camera.cy + shift.y,
     );
-    camera.unproject(&pixel, (translation.z * ratio).max(NEAREST_DEPTH))
+    camera.unproject(&pixel, (translation.z * ratio).max(MIN_DEPTH))
 }

@@ -102,7 +102,7 @@ impl Silhouette {
         }))
     }
 
-    /// Cells.
+    /// The number of cells in the silhouette.
     pub fn area(&self) -> u32 {
         self.0.iter().map(|row| row.count_ones()).sum()
     }

@@ -9,7 +9,7 @@
 
 use crate::geometry::{Matrix3, Pose, Rotation3, Vector3};
 
-/// A viewing direction, degrees.
+/// A viewing direction from the camera to the object, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Template {
     pub azimuth_deg: f64,
@@ -21,8 +21,11 @@ pub(super) struct Template {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TemplateGrid {
+    /// The step between azimuths, from 0 to 360, degrees.
     pub azimuth_step_deg: f64,
+    /// The elevations, degrees.
     pub elevations_deg: Vec<f64>,
+    /// The rolls, degrees.
     pub rolls_deg: Vec<f64>,
 }
 

@@ -7,17 +7,18 @@ use crate::solver::{Evaluation, Evaluations, Interpolation, LinearSolver, Minimi
 /// The variables that a call moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
+    /// All variables: every pose and s, and the focal factor where it is free.
     All,
-    /// p0.
+    /// p0, which moves all frames together.
     Target,
-    /// All Δp_l.
+    /// All Δp_l: every pose but the target's.
     Motion,
-    /// s.
+    /// The style s.
     Style,
 }
 
 impl Block {
-    /// As in `trace.csv`.
+    /// The block's name in `trace.csv`.
     pub fn name(self) -> &'static str {
         match self {
             Block::All => "all",
@@ -31,11 +32,15 @@ impl Block {
 /// Options of [`Objective::minimise`](super::Objective::minimise).
 #[derive(Clone, Copy, Debug)]
 pub struct Call {
+    /// The variables that move.
     pub block: Block,
     /// Whether α of Eq. 6 moves too.
     pub free_alpha: bool,
+    /// The minimiser and its settings.
     pub minimiser: Minimiser,
+    /// How the objective is evaluated for Ceres.
     pub evaluation: Evaluation,
+    /// The maximum number of Ceres iterations.
     pub max_iterations: u32,
     /// Stop once an iteration lowers the objective by a smaller share.
     pub tolerance: f64,
@@ -96,22 +101,26 @@ impl Call {
 /// The state after one of Ceres's iterations.
 #[derive(Clone, Copy, Debug)]
 pub struct Iteration {
-    /// 0 is the start.
+    /// The iteration's number; 0 is the start.
     pub number: usize,
+    /// The objective and its terms after this iteration.
     pub objective: ObjectiveValue,
     /// α of Eq. 6, x_cam = α x'_cam.
     pub alpha: f64,
+    /// The Euclidean norm of the gradient, as Ceres reports it.
     pub gradient_norm: f64,
-    /// Of this call so far.
+    /// Evaluations of this call so far.
     pub evaluations: Evaluations,
 }
 
 /// What one call did.
 #[derive(Clone, Copy, Debug)]
 pub struct CallOutcome {
+    /// The number of the last Ceres iteration; unsuccessful ones count, the start does not.
     pub iterations: usize,
+    /// Evaluations of residuals and of Jacobians.
     pub evaluations: Evaluations,
-    /// The observer stopped it.
+    /// Whether the observer stopped the call.
     pub interrupted: bool,
 }
 

@@ -16,8 +16,11 @@ use std::sync::Arc;
 /// A point whose colours in two frames are compared (Eq. 4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparedPoint {
+    /// The point's index in the prior's order.
     pub point: u32,
+    /// The index of the first frame.
     pub frame_a: u32,
+    /// The index of the second frame.
     pub frame_b: u32,
     /// Its cost is weight / 2 · ρ(‖residual‖²), here and below.
     pub weight: f64,
@@ -26,12 +29,15 @@ pub struct ComparedPoint {
 /// Off-the-shelf inverse depth where a frame sees a point (Eq. 6), in the input's units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnownInverseDepth {
+    /// The point's index in the prior's order.
     pub point: u32,
+    /// The index of the frame.
     pub frame: u32,
-    /// (column, row).
+    /// The image point (column, row), pixels.
     pub pixel: [f64; 2],
+    /// The given inverse depth 1 / z at `pixel`, per input unit.
     pub inverse_depth: f64,
-    /// By column and row, per pixel.
+    /// The change of `inverse_depth` by one pixel along the columns and along the rows.
     pub slope: [f64; 2],
 }
 
@@ -40,25 +46,26 @@ pub struct KnownInverseDepth {
 pub struct SilhouetteMatches {
     /// Centres (column, row) of the mask's pixels in use.
     pub pixels: Vec<[f64; 2]>,
-    /// Per pixel, the nearest point.
+    /// The index of the point whose projection is nearest, one per pixel of `pixels`.
     pub point_of_pixel: Vec<u32>,
+    /// The weight of every pixel's residual; the cost is weight / 2 · ρ(‖residual‖²).
     pub pixel_weight: f64,
-    /// Per point, of the first so many, the nearest pixel of the mask.
+    /// The nearest pixel (column, row) of the mask, one for each of the first points.
     pub pixel_of_point: Vec<[f64; 2]>,
-    /// Of each of these.
+    /// The weight of each of these residuals.
     pub point_weights: Vec<f64>,
 }
 
-/// All of these at the estimate that it was last updated to.
+/// The residuals of Eq. 4 to 6 at the estimate that they were last updated to.
 pub struct Correspondences {
     sequence: Arc<Sequence>,
     matcher: Matcher,
     terms: ffi::Terms,
-    /// One a frame.
+    /// A lookup of the nearest mask pixel, one per frame.
     lookups: Vec<NearestPixel>,
-    /// Of the prior: the first so many are named.
+    /// The number of the prior's points that residuals name: the first ones.
     point_count: usize,
-    /// As if the points agreed on nothing.
+    /// The weight of a point before the frames' agreement on it, one per frame.
     point_weight: Vec<f64>,
     compared: Vec<ComparedPoint>,
     depths: Vec<KnownInverseDepth>,
@@ -224,20 +231,22 @@ impl Correspondences {
         self.point_count
     }
 
-    /// S.
+    /// The number of style entries S.
     pub fn style_count(&self) -> usize {
         self.matcher.style_len()
     }
 
+    /// The pairs of colours that the photometric term compares (Eq. 4).
     pub fn compared(&self) -> &[ComparedPoint] {
         &self.compared
     }
 
+    /// The given inverse depths that the points are compared with (Eq. 6).
     pub fn depths(&self) -> &[KnownInverseDepth] {
         &self.depths
     }
 
-    /// One a frame.
+    /// The silhouette correspondences of every frame, in order.
     pub fn silhouettes(&self) -> &[SilhouetteMatches] {
         &self.silhouettes
     }
@@ -252,7 +261,7 @@ impl Correspondences {
         self.terms.silhouette.cauchy_width
     }
 
-    /// In pixels.
+    /// The distance of a silhouette correspondence that counts as none, pixels.
     pub fn silhouette_tolerance(&self) -> f64 {
         self.terms.silhouette.tolerance
     }
@@ -264,6 +273,7 @@ impl Correspondences {
         (weight / (unit * unit), term.huber_width * unit)
     }
 
+    /// The weight of ‖s‖² in the objective: the cost is weight / 2 · ‖s‖².
     pub fn style_weight(&self) -> f64 {
         self.terms.style.weight
     }

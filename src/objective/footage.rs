@@ -71,6 +71,7 @@ impl<'a> Footage<'a> {
         })
     }
 
+    /// The sequence whose pyramids these are.
     pub fn sequence(&self) -> &'a Sequence {
         self.sequence
     }

@@ -30,19 +30,33 @@ use std::sync::Arc;
 /// Why the objective could not be built or evaluated.
 #[derive(Debug, thiserror::Error)]
 pub enum ObjectiveError {
+    /// An option is out of range. The fields are its key and what to give instead.
     #[error("option {0}: {1}")]
     Option(&'static str, &'static str),
+    /// A mask holds no pixel of the object. The field is the frame's name.
     #[error("frame {0}: the mask is empty; give a mask in which the object is white")]
     EmptyMask(String),
+    /// The estimate does not fit the sequence or the prior.
     #[error("the estimate has {estimate} frames and {style} styles, the problem {frames} and {styles}")]
     Shape {
+        /// The poses of the estimate.
         estimate: usize,
+        /// The style entries of the estimate.
         style: usize,
+        /// The frames of the sequence.
         frames: usize,
+        /// The style entries of the prior.
         styles: usize,
     },
+    /// The target frame does not exist.
     #[error("the target is frame {target}, but there are {frames}")]
-    Target { target: usize, frames: usize },
+    Target {
+        /// The index that was given.
+        target: usize,
+        /// The frames of the sequence.
+        frames: usize,
+    },
+    /// Ceres or the core threw an exception, for example of a residual that is not finite.
     #[error("the solver cannot go on: {0}")]
     Ceres(#[from] cxx::Exception),
 }
@@ -113,7 +127,7 @@ impl<'a> Objective<'a> {
     /// Which points and pixels Eq. 4 and 6 compare at `estimate`, with colours of pyramid level `level` (0 = finest).
     ///
     /// # Errors
-    /// No such level.
+    /// The footage has no such pyramid level.
     pub fn visibility(&self, estimate: &Estimate, level: usize) -> Result<Visibility, ObjectiveError> {
         let input = self.matcher.find(&self.sequence.frames, estimate, level);
         Ok(Visibility {
@@ -121,7 +135,7 @@ impl<'a> Objective<'a> {
         })
     }
 
-    /// L and its terms.
+    /// The objective L of Eq. 9 and its terms at an estimate.
     ///
     /// # Errors
     /// A point of the shape behind a camera, or a failing prior.

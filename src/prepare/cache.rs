@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Of contents and options.
+/// A digest of contents and options: what a cached stage depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Key(u64);
 
@@ -73,7 +73,7 @@ impl Cache {
         }
     }
 
-    /// Keeps nothing.
+    /// A cache that keeps nothing.
     pub fn none() -> Self {
         Self {
             folder: None,
@@ -97,7 +97,7 @@ impl Cache {
     /// What `make` made of the same before, or makes now. A cache that cannot be written to is none.
     ///
     /// # Errors
-    /// Those of `make`.
+    /// The errors of `make`.
     pub fn get_or<T: Serialize + DeserializeOwned, E>(
         &self,
         stage: &str,

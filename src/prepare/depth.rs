@@ -9,21 +9,21 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use patches::{Patches, Scratch, warp};
 use rayon::prelude::*;
 
-/// What can be chosen.
+/// Options of the plane sweep.
 #[derive(Clone, Debug)]
 pub struct DepthOptions {
-    /// Planes, evenly in inverse depth.
+    /// The number of planes, evenly spaced in inverse depth.
     pub planes: usize,
-    /// Frames that each is compared with.
+    /// The number of frames that each frame is compared with.
     pub neighbours: usize,
     /// Half a side of the compared patches, in pixels.
     pub radius_px: usize,
-    /// Normalised cross-correlation below which nothing is alike.
-    pub least_likeness: f32,
-    /// Other frames that must agree.
+    /// The minimum normalised cross-correlation (NCC) of patches that match.
+    pub min_ncc: f32,
+    /// The number of other frames that must find the same point.
     pub agreeing: usize,
     /// Standard deviation of a patch, in grey levels, below which it has no texture.
-    pub least_texture: f32,
+    pub min_texture: f32,
 }
 
 impl Default for DepthOptions {
@@ -32,9 +32,9 @@ impl Default for DepthOptions {
             planes: 128,
             neighbours: 6,
             radius_px: 3,
-            least_likeness: 0.75,
+            min_ncc: 0.75,
             agreeing: 2,
-            least_texture: 4.0,
+            min_texture: 4.0,
         }
     }
 }
@@ -48,7 +48,7 @@ const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
 struct Swept<'a> {
     gray: Grid<f32>,
     mask: &'a Mask,
-    /// Of the mask.
+    /// The mask's bounding box: left, top, right, bottom, pixels.
     bounds: [usize; 4],
     camera_from_input: Pose,
     /// Nearest and farthest inverse depth of the object.
@@ -116,7 +116,7 @@ pub fn sweep(
     Some(agreed)
 }
 
-/// Per coordinate, the median: single points may lie anywhere.
+/// The median of each coordinate: single points may lie anywhere.
 pub(super) fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
     Vector3::from_fn(|k, _| {
         let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
@@ -209,7 +209,7 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
     let own = Patches::new(gray, options.radius_px);
     let wanted: Vec<usize> = (0..width * height)
         .filter(|&i| target.mask[(left + i % width, top + i / width)])
-        .filter(|&i| own.variance(i) > options.least_texture.powi(2))
+        .filter(|&i| own.variance(i) > options.min_texture.powi(2))
         .collect();
     let others: Vec<(&Grid<f32>, Pose)> = others
         .iter()
@@ -252,7 +252,7 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
         }
     }
     for (scores, i) in scores.chunks_exact(options.planes).zip(wanted) {
-        if let Some(plane) = peak(scores, options.least_likeness) {
+        if let Some(plane) = peak(scores, options.min_ncc) {
             depth[(left + i % width, top + i / width)] = (1.0 / (low + step * plane)) as f32;
         }
     }

@@ -6,7 +6,7 @@ use crate::geometry::Pinhole;
 use crate::image::exif_data::FILM_DIAGONAL_MM;
 use std::str::FromStr;
 
-/// As the user gives it.
+/// A focal length as the user gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Focal {
     /// In pixels of the pictures as they are given to `prepare`, before they are made smaller.
@@ -34,10 +34,12 @@ impl FromStr for Focal {
     }
 }
 
-/// How a focal length is known.
+/// The source of a focal length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FocalSource {
+    /// The caller gave it.
     Flag,
+    /// All pictures' EXIF data give it.
     Exif,
     /// Neither: found with the motion.
     Refined,
@@ -76,7 +78,7 @@ impl FocalSource {
         };
         // What is held is not therefore exact.
         let known = FocalEvidence {
-            deviation: known.deviation.max(LEAST_KNOWN),
+            deviation: known.deviation.max(MIN_FOCAL_DEVIATION),
             ..known
         };
         if features.apart(known) > DOUBTFUL {
@@ -87,7 +89,7 @@ impl FocalSource {
 }
 
 /// No focal length is known better than this before the features are asked: the standard deviation of its logarithm.
-const LEAST_KNOWN: f64 = 0.02;
+const MIN_FOCAL_DEVIATION: f64 = 0.02;
 /// What is known of a focal length and what the features say differ by more of their deviation than this only if one is wrong.
 const DOUBTFUL: f64 = 2.0;
 
@@ -116,17 +118,19 @@ pub fn cameras(photos: &[Photo], flag: Option<Focal>) -> Result<(Vec<Pinhole>, F
     }
     let known: Vec<f64> = photos.iter().filter_map(|photo| photo.focal_px).collect();
     if known.len() == photos.len() && !known.is_empty() {
-        let (least, most) = known.iter().fold((f64::INFINITY, 0.0f64), |(least, most), &px| {
-            (least.min(px), most.max(px))
-        });
-        if most > 1.01 * least {
+        let (shortest, longest) = known
+            .iter()
+            .fold((f64::INFINITY, 0.0f64), |(shortest, longest), &px| {
+                (shortest.min(px), longest.max(px))
+            });
+        if longest > 1.01 * shortest {
             return Err(PrepareError::Option {
                 option: "--focal",
-                problem: format!("EXIF data say {least:.0} to {most:.0} pixels: the lens was zoomed"),
+                problem: format!("EXIF data say {shortest:.0} to {longest:.0} pixels: the lens was zoomed"),
                 mend: "give photos taken with one focal length",
             });
         }
-        return Ok((vec![camera(least)], FocalSource::Exif));
+        return Ok((vec![camera(shortest)], FocalSource::Exif));
     }
     let guesses = GUESSES.map(|guess| camera(guess * width.max(height)));
     Ok((guesses.to_vec(), FocalSource::Refined))
@@ -144,7 +148,7 @@ mod tests {
             seconds: None,
             focal_px,
             scale: 0.5,
-            origin: crate::prepare::Origin::Video,
+            origin: crate::prepare::photos::Origin::Video,
         }
     }
 

@@ -5,7 +5,7 @@ mod depth;
 mod error;
 mod focal;
 mod masks;
-pub mod motion;
+mod motion;
 mod photos;
 mod refine;
 mod save;
@@ -17,8 +17,9 @@ pub use depth::DepthOptions;
 pub use error::PrepareError;
 pub use focal::{Focal, FocalSource};
 pub use masks::{MaskOptions, NetworkError, ObjectBox, masks_by_shape};
-pub use motion::MotionOptions;
-pub use photos::{Input, Origin, Photo, PhotoOptions, Photos};
+pub use motion::{MotionOptions, StructureFromMotionError};
+pub use photos::{Input, PhotoOptions};
+pub(crate) use photos::{Photo, Photos};
 pub use refine::RefineOptions;
 pub use save::{remove_stale, save};
 pub use stamp::Stamp;
@@ -27,7 +28,7 @@ use crate::image::{DepthMap, Mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
-use motion::{FocalEvidence, Motion, MotionError, View};
+use motion::{FocalEvidence, MaskedImage, Motion};
 use std::path::Path;
 use std::time::Instant;
 
@@ -35,38 +36,46 @@ use std::time::Instant;
 /// they get worse, as the prior has no shape that is just the object's.
 const MOTION_DEVIATION: f64 = 0.001;
 
-/// What can be chosen.
+/// Options of [`prepare`], stage by stage.
 #[derive(Clone, Debug, Default)]
 pub struct PrepareOptions {
+    /// Which frames are chosen, and their size.
     pub photos: PhotoOptions,
+    /// The focal length, where the caller knows it; `None` takes EXIF data or finds it with the motion.
     pub focal: Option<Focal>,
+    /// Where the masks come from.
     pub masks: MaskOptions,
+    /// The search for the camera's motion.
     pub motion: MotionOptions,
+    /// The plane sweep that gives depth.
     pub depth: DepthOptions,
+    /// The adjustment of motion and depth after the sweep.
     pub refine: RefineOptions,
 }
 
-/// What became of an input.
+/// The sequence made of an input, and how it was made.
 pub struct Prepared {
     /// The frames that could be placed.
     pub sequence: Sequence,
-    /// One per stage.
-    pub stages: Vec<Stage>,
+    /// The stages in order, with what each did.
+    pub stages: Vec<StageReport>,
 }
 
 /// What a stage did.
 #[derive(Clone, Debug)]
-pub struct Stage {
+pub struct StageReport {
+    /// The stage: `frames`, `masks`, `motion` …
     pub name: &'static str,
     /// Counts and what to know, for people.
     pub words: String,
+    /// Wall-clock seconds.
     pub seconds: f64,
-    /// Of the process, in MB (10⁶ bytes), where the system tells it.
+    /// The most memory that the process used, MB (10⁶ bytes); `None` where the system does not tell.
     pub peak_memory_mb: Option<f64>,
 }
 
 /// Sees a stage under way: its name, how many steps it has, and each one done. False stops.
-pub type Watch<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
+pub type ProgressCallback<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
 
 /// Makes a sequence of a video or a folder of pictures. What `cache` holds of earlier runs is not made again.
 ///
@@ -76,10 +85,10 @@ pub fn prepare(
     input: &Path,
     options: &PrepareOptions,
     cache: &Cache,
-    watch: &Watch,
+    watch: &ProgressCallback,
 ) -> Result<Prepared, PrepareError> {
     for (option, value, least, mend) in [
-        ("--max-frames", options.photos.most, 2, "give 2 or more"),
+        ("--max-frames", options.photos.max_frames, 2, "give 2 or more"),
         ("--max-size", options.photos.longest_px, 64, "give 64 or more"),
     ] {
         if value < least {
@@ -94,7 +103,7 @@ pub fn prepare(
     let mut began = Instant::now();
     forget_peak_memory();
     let mut stage = |name, words: String| {
-        stages.push(Stage {
+        stages.push(StageReport {
             name,
             words,
             seconds: began.elapsed().as_secs_f64(),
@@ -231,14 +240,14 @@ pub fn prepare(
     })
 }
 
-/// The best motion of those that start from any focal length worth trying, and what was known of the focal length before.
+/// The best motion of those that start from every candidate focal length, and what was known of the focal length before.
 fn moved(
     photos: &[Photo],
     masks: &[Mask],
     options: &PrepareOptions,
     cache: &Cache,
     key: Key,
-    watch: &Watch,
+    watch: &ProgressCallback,
 ) -> Result<(Motion, Option<FocalEvidence>, FocalSource), PrepareError> {
     let (cameras, focal_source) = focal::cameras(photos, options.focal)?;
     let motion_options = MotionOptions {
@@ -247,10 +256,10 @@ fn moved(
     };
     let motion = cache.get_or("motion", key, || {
         let matching = cache.get_or("matches", key, || {
-            let views: Vec<View> = photos
+            let views: Vec<MaskedImage> = photos
                 .iter()
                 .zip(masks)
-                .map(|(photo, mask)| View {
+                .map(|(photo, mask)| MaskedImage {
                     image: &photo.image,
                     mask,
                 })
@@ -258,13 +267,13 @@ fn moved(
             motion::match_features(&views, &|pairs| watch("matches", pairs))
         })?;
         let mut best: Option<Motion> = None;
-        let mut failure = MotionError::NoPair { matched: 0 };
+        let mut failure = StructureFromMotionError::NoPair { matched: 0 };
         for camera in &cameras {
             if !watch("motion", cameras.len()) {
-                return Err(MotionError::Interrupted);
+                return Err(StructureFromMotionError::Interrupted);
             }
             match motion::motion(&matching, camera, &motion_options) {
-                Ok(found) if best.as_ref().is_none_or(|best| worth(&found) > worth(best)) => {
+                Ok(found) if best.as_ref().is_none_or(|best| score(&found) > score(best)) => {
                     best = Some(found);
                 }
                 Ok(_) => {}
@@ -294,8 +303,8 @@ fn known_share(depths: &[Option<DepthMap>], masks: &[Mask]) -> f64 {
     known as f64 / all.max(1) as f64
 }
 
-/// More points seen from more frames are worth more; an error costs.
-fn worth(motion: &Motion) -> f64 {
+/// The score by which motions are compared: the number of observations over 0.5 + the reprojection error in pixels.
+fn score(motion: &Motion) -> f64 {
     let observations: usize = motion.seen_in.iter().map(Vec::len).sum();
     observations as f64 / (0.5 + motion.error_px)
 }

@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 /// What all stages take a pixel of a chosen frame.
 const BYTES_PER_PIXEL: f64 = 150.0;
 
-/// What can be chosen.
+/// Which frames are chosen, and their size.
 #[derive(Clone, Debug)]
 pub struct PhotoOptions {
-    /// At most so many frames: of each of as many groups, the sharpest.
-    pub most: usize,
+    /// The maximum number of frames. The frames in order are cut into as many groups, and of each group the sharpest is kept.
+    pub max_frames: usize,
     /// The longer side of what comes out, in pixels; smaller pictures stay as they are.
     pub longest_px: usize,
 }
@@ -24,25 +24,27 @@ pub struct PhotoOptions {
 impl Default for PhotoOptions {
     fn default() -> Self {
         Self {
-            most: 40,
+            max_frames: 40,
             longest_px: 960,
         }
     }
 }
 
-/// Where frames come from.
+/// A video or a list of pictures.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
+    /// A video file.
     Video(PathBuf),
+    /// Pictures of a folder.
     Photos {
-        /// By name, numbers in it by their value.
+        /// The pictures, sorted by name, with numbers in names compared by value.
         files: Vec<PathBuf>,
         /// Pictures beside them that are not read, in words.
         left_out: Option<String>,
     },
 }
 
-/// A frame.
+/// A frame that was chosen, upright and at its working size.
 #[derive(Clone, Debug)]
 pub struct Photo {
     /// A photo's name, without its ending where all stay apart, or a frame's number in its video.
@@ -150,8 +152,8 @@ pub(super) fn check_memory(frames: usize, (width, height): (usize, usize)) -> Re
 }
 
 /// The sharpest of each of `most` groups of frames in a row, in order.
-pub(super) fn sharpest(sharpness: &[f64], most: usize) -> Vec<usize> {
-    let groups = sharpness.len().min(most);
+pub(super) fn sharpest(sharpness: &[f64], max_frames: usize) -> Vec<usize> {
+    let groups = sharpness.len().min(max_frames);
     (0..groups)
         .filter_map(|group| {
             let range = group * sharpness.len() / groups..(group + 1) * sharpness.len() / groups;
@@ -195,7 +197,7 @@ fn photos(files: &[PathBuf], options: &PhotoOptions) -> Result<Vec<Photo>, Prepa
     let sharpness: Vec<f64> = seen.iter().map(|photo| photo.sharpness).collect();
     let first = seen.iter().find_map(|photo| photo.seconds);
     let names = names(&seen);
-    let chosen = sharpest(&sharpness, options.most);
+    let chosen = sharpest(&sharpness, options.max_frames);
     check_memory(chosen.len(), expected)?;
     chosen
         .into_par_iter()

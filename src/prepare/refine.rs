@@ -10,7 +10,7 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use nalgebra::Vector6;
 use rayon::prelude::*;
 
-/// What can be chosen.
+/// Options of the photometric adjustment of motion and depth.
 #[derive(Clone, Debug)]
 pub struct RefineOptions {
     /// Pixels of a frame that tell of the cameras.
@@ -21,7 +21,7 @@ pub struct RefineOptions {
     pub loss_width: f64,
     /// Depths whose standard deviation is a larger share of them are dropped.
     pub deviation: f64,
-    /// Of the cameras, then of each pixel's depth.
+    /// The maximum number of Ceres iterations for the cameras, then for each pixel's depth.
     pub max_iterations: [u32; 2],
 }
 
@@ -38,7 +38,7 @@ impl Default for RefineOptions {
 }
 
 /// Share of a depth by which adjusting may change it; beyond, it found something else.
-const FARTHEST: f64 = 0.03;
+const MAX_RELATIVE_CHANGE: f64 = 0.03;
 /// Noise of a colour's value is taken to be at least so much, in grey levels.
 const NOISE: f64 = 2.0;
 
@@ -46,7 +46,7 @@ const NOISE: f64 = 2.0;
 #[derive(serde::Serialize, serde::Deserialize)]
 pub struct Refined {
     pub camera_from_input: Vec<Option<Pose>>,
-    /// In the units of the poses.
+    /// Refined depth maps, in the units of the poses.
     pub depths: Vec<Option<DepthMap>>,
     /// Per pixel, the standard deviation of the depth as a share of it; 0 where there is none.
     pub deviations: Vec<Option<Grid<f32>>>,
@@ -65,7 +65,7 @@ struct Placed<'a> {
 /// Adjusts poses and depths. `neighbours` are frames per frame; `watch` hears of every frame, and false stops: then there is nothing.
 ///
 /// # Errors
-/// Ceres's own.
+/// An exception of Ceres.
 pub fn refine(
     images: &[(&RgbImage, &Mask)],
     motion: &Motion,
@@ -245,7 +245,7 @@ fn adjust_depth(
         let at = (pixel.x as usize, pixel.y as usize);
         let share = pixel.deviation * pixel.error.max(NOISE) / pixel.inverse_depth;
         let moved = (pixel.inverse_depth / before - 1.0).abs();
-        if own.mask[at] && share < chosen.deviation && moved < FARTHEST {
+        if own.mask[at] && share < chosen.deviation && moved < MAX_RELATIVE_CHANGE {
             depth[at] = (1.0 / pixel.inverse_depth) as f32;
             deviation[at] = share as f32;
         }

@@ -16,7 +16,7 @@ pub struct Stamp {
 const FILE: &str = "prepared.json";
 
 impl Stamp {
-    /// Of an input as it is now.
+    /// The stamp of an input as it is now.
     ///
     /// # Errors
     /// An input that cannot be read.
@@ -49,7 +49,7 @@ impl Stamp {
         })
     }
 
-    /// That of a sequence folder, if it has any.
+    /// The stamp of a sequence folder; `None` where it has none.
     pub fn load(sequence: &Path) -> Option<Self> {
         serde_json::from_slice(&std::fs::read(sequence.join(FILE)).ok()?).ok()
     }
@@ -66,7 +66,7 @@ impl Stamp {
     }
 }
 
-/// Of files' names and bytes.
+/// A key made of files' names and bytes.
 ///
 /// # Errors
 /// A file that cannot be read.

@@ -11,7 +11,7 @@ use std::path::Path;
 /// A duration is no exact count of frames.
 const COUNT_TOLERANCE: f64 = 0.02;
 /// A header larger than this is not searched.
-const MOST_HEADER_BYTES: u64 = 1 << 26;
+const MAX_HEADER_BYTES: u64 = 1 << 26;
 
 /// The chosen frames, and what to know of them.
 pub(super) fn video(file: &Path, options: &PhotoOptions) -> Result<Photos, PrepareError> {
@@ -36,7 +36,7 @@ pub(super) fn video(file: &Path, options: &PhotoOptions) -> Result<Photos, Prepa
     if sharpness.is_empty() {
         return Err(PrepareError::NoVideo(file.to_owned()));
     }
-    let chosen = sharpest(&sharpness, options.most);
+    let chosen = sharpest(&sharpness, options.max_frames);
     if chosen.len() < 2 {
         return Err(PrepareError::TooFew {
             input: file.to_owned(),
@@ -141,7 +141,7 @@ fn movie_header(file: &Path) -> Option<Vec<u8>> {
         let rest = length.checked_sub(own)?;
         if &name == b"moov" {
             let mut bytes = Vec::new();
-            file.take(rest.min(MOST_HEADER_BYTES))
+            file.take(rest.min(MAX_HEADER_BYTES))
                 .read_to_end(&mut bytes)
                 .ok()?;
             return Some(bytes);

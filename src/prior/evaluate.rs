@@ -30,7 +30,7 @@ pub struct FitError {
 /// A fit to a shape left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// In diagonals.
+    /// The Chamfer distance between fit and shape, diagonals.
     pub chamfer: f64,
     /// What the prior's own −log p, up to a constant, asks a length for: the style, with the free form where there is one.
     pub style: Vec<f64>,

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 type V3 = Vector3<f64>;
 
 /// Eigenvalues below this share of the largest are noise of the eigensolver.
-const LEAST_EIGENVALUE: f64 = 1e-7;
+const MIN_EIGENVALUE: f64 = 1e-7;
 
 /// Functions on points: a row a point, a column a mode, the largest first. With coefficients i.i.d. standard normal the sum of a
 /// parity's modes has covariance k(p, q) ± k(p, q'), q' being the mirror image: the amplitude is that of one side.
@@ -22,7 +22,9 @@ pub struct FieldModes {
 /// One squared-exponential term of a covariance: amplitude² exp(−|p − q|² / 2 length²), both in diagonals.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FieldScale {
+    /// The standard deviation of the displacement, diagonals.
     pub amplitude: f64,
+    /// The distance over which displacements are alike, diagonals.
     pub length: f64,
 }
 
@@ -50,7 +52,7 @@ fn modes_of(points: &[V3], nodes: &[V3], scales: &[FieldScale], count: usize, si
     let mut order: Vec<usize> = (0..nodes.len()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let largest = order.first().map_or(0.0, |&k| eigen.eigenvalues[k]);
-    order.retain(|&k| eigen.eigenvalues[k] > LEAST_EIGENVALUE * largest);
+    order.retain(|&k| eigen.eigenvalues[k] > MIN_EIGENVALUE * largest);
     order.truncate(count);
     let mut weights = eigen.eigenvectors.select_columns(&order);
     for (mut column, &k) in weights.column_iter_mut().zip(&order) {

@@ -24,10 +24,10 @@ const SURFACE_SCHEMA: u32 = 2;
 const METADATA_KEY: &str = "spba_prior";
 /// Of the mean shape's bounding box: antennas and mirrors stand out of the box whose diagonal is 1, and means of many shapes are smooth.
 const DIAGONAL: std::ops::RangeInclusive<f64> = 0.9..=1.12;
-/// Of that box's centre.
-const MOST_OFF_CENTRE: f64 = 0.1;
+/// The largest coordinate of that box's centre, diagonals.
+const MAX_CENTRE_OFFSET: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
-const MOST_MOVED: f64 = 1.0;
+const MAX_DEFORMATION: f64 = 1.0;
 /// Priors that ship inside the library.
 #[cfg(feature = "bundled-priors")]
 const BUNDLED: [(&str, &[u8]); 3] = [
@@ -52,24 +52,27 @@ pub(crate) fn bundled() -> impl Iterator<Item = &'static [u8]> {
 pub struct PriorInfo {
     /// The layout's version.
     pub schema: u32,
+    /// How points depend on the style.
     pub kind: PriorKind,
-    /// `car`, `chair` …
+    /// The category: `car`, `chair` …
     pub category: String,
     /// The object frame in words: [`OBJECT_FRAME`].
     pub frame: String,
+    /// How the file's points become the prior's.
     pub symmetry: Symmetry,
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
     /// A decoder's hidden layers: how many outputs each has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub hidden: Vec<usize>,
-    /// N.
+    /// The number of points N.
     pub points: usize,
     /// The smooth random field of a prior of surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub free_form: Option<FreeFormInfo>,
     /// The command that learned it.
     pub command: String,
+    /// The seed of everything random in its making.
     pub seed: u64,
     /// Share of the training variance that the first k + 1 modes explain.
     pub explained_variance: Vec<f64>,
@@ -82,9 +85,11 @@ pub struct PriorInfo {
 /// One model that a prior was learned from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PriorSource {
+    /// The model's name within its package.
     pub model: String,
     /// The package it comes from.
     pub package: String,
+    /// The licence, as SPDX where the package gives it so, else in the package's words.
     pub licence: String,
 }
 
@@ -101,11 +106,11 @@ pub struct FreeFormInfo {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PriorKind {
-    /// Nothing.
+    /// Points are linear in the style.
     Linear,
-    /// Hidden layers.
+    /// A network's hidden layers stand before the linear output layer.
     Decoder,
-    /// Nothing, and points lie on a mesh that goes along.
+    /// Points are linear in the style and lie on a mesh that is bent with it.
     Surface,
 }
 
@@ -123,6 +128,7 @@ impl std::fmt::Display for PriorKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Symmetry {
+    /// The file holds all points.
     None,
     /// Point 2i + 1 is point 2i reflected in x = 0, for every style.
     MirrorX,
@@ -131,38 +137,96 @@ pub enum Symmetry {
 /// Why a prior file cannot be used or written; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum PriorError {
+    /// The file cannot be read.
     #[error("{}: cannot read the prior: {problem}", path.display())]
-    Read { path: PathBuf, problem: std::io::Error },
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// The file cannot be written.
     #[error("{}: cannot write the prior: {problem}", path.display())]
-    Write { path: PathBuf, problem: std::io::Error },
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// No bundled prior has this name, and no file has this path.
     #[error(
         "prior `{name}` is neither bundled ({bundled}) nor a file: give one of those names or a path to a .safetensors file"
     )]
-    Unknown { name: String, bundled: String },
+    Unknown {
+        /// The name or path that was given.
+        name: String,
+        /// The names of the bundled priors.
+        bundled: String,
+    },
+    /// The file is no whole safetensors file.
     #[error("{}: not a whole safetensors file ({reason}): download or learn it again", path.display())]
-    NotSafetensors { path: PathBuf, reason: String },
-    #[error("{}: not a shape prior (metadata `{METADATA_KEY}` {reason}): make one with `spba-ceres prior learn`", path.display())]
-    Metadata { path: PathBuf, reason: String },
-    #[error("{}: prior schema {found}, this build reads {SCHEMA} and {SURFACE_SCHEMA}: learn the prior again with this version", path.display())]
-    Version { path: PathBuf, found: u64 },
-    #[error("{}: object frame `{found}`, this build's is `{OBJECT_FRAME}`: learn the prior again with this version", path.display())]
-    Frame { path: PathBuf, found: String },
-    #[error("{}: tensor `{tensor}` {reason}: learn the prior again", path.display())]
-    Tensor {
+    NotSafetensors {
+        /// The file.
         path: PathBuf,
-        tensor: String,
+        /// The parser's error.
         reason: String,
     },
+    /// The file's metadata does not describe a prior.
+    #[error("{}: not a shape prior (metadata `{METADATA_KEY}` {reason}): make one with `spba-ceres prior learn`", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is missing or wrong.
+        reason: String,
+    },
+    /// The file has a schema that this build does not read.
+    #[error("{}: prior schema {found}, this build reads {SCHEMA} and {SURFACE_SCHEMA}: learn the prior again with this version", path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// The schema of the file.
+        found: u64,
+    },
+    /// The file's object frame is not that of this library.
+    #[error("{}: object frame `{found}`, this build's is `{OBJECT_FRAME}`: learn the prior again with this version", path.display())]
+    Frame {
+        /// The file.
+        path: PathBuf,
+        /// The frame in the file's words.
+        found: String,
+    },
+    /// A tensor is missing, or has another type or shape.
+    #[error("{}: tensor `{tensor}` {reason}: learn the prior again", path.display())]
+    Tensor {
+        /// The file.
+        path: PathBuf,
+        /// The tensor's name.
+        tensor: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The file's numbers do not make a prior.
     #[error("{}: {problem}: learn the prior again", path.display())]
-    Invalid { path: PathBuf, problem: InvalidPrior },
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with them.
+        problem: InvalidPrior,
+    },
+    /// The mean shape is not in the unit and the frame of a prior.
     #[error("{}: the mean shape's {what} is {found:.3}, {expected} expected, as shapes are in diagonals of their box about its centre: \
              scale or move it, or learn the prior again", path.display())]
     Unit {
+        /// The file.
         path: PathBuf,
+        /// The measure of the mean shape that is out of range, in words.
         what: &'static str,
+        /// Its value.
         found: f64,
+        /// The range that it must lie in.
         expected: &'static str,
     },
+    /// The prior is not mirror-symmetric although its description says so. The field is a point that is not the mirror image of its partner.
     #[error("the prior is not symmetric in x = 0 at point {0}, though its description says so")]
     NotSymmetric(usize),
 }
@@ -371,13 +435,13 @@ pub fn check_unit(output: &LinearPrior, path: &Path) -> Result<(), PriorError> {
         (
             "centre's distance from the origin",
             length(|(low, high)| (low + high) / 2.0),
-            0.0..=MOST_OFF_CENTRE,
+            0.0..=MAX_CENTRE_OFFSET,
             "0",
         ),
         (
             "largest change by one standard deviation of a style",
             farthest_moved,
-            0.0..=MOST_MOVED,
+            0.0..=MAX_DEFORMATION,
             "less than 1",
         ),
     ] {

@@ -22,9 +22,11 @@ const IMAGE_PX: usize = 256;
 /// The similarity by which the prior misplaces a shape: x_found = scale · R x + t.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameError {
+    /// The factor on lengths; 1 without an error.
     pub scale: f64,
+    /// The rotation R.
     pub rotation: Rotation3<f64>,
-    /// In diagonals.
+    /// The translation t, diagonals.
     pub translation: V3,
 }
 
@@ -39,8 +41,9 @@ impl FrameError {
 /// Which of a shape's points the fit gets to see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
+    /// All of them.
     All,
-    /// Those that a camera at the front right sees.
+    /// The points that a camera at the front right sees.
     FromFrontRight,
 }
 

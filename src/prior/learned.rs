@@ -13,7 +13,9 @@ use std::sync::Arc;
 /// A hidden layer: y = tanh(W x + b), W with a row per output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
+    /// W: outputs × inputs.
     pub weight: DMatrix<f64>,
+    /// b, one entry per output.
     pub bias: DVector<f64>,
 }
 
@@ -95,10 +97,12 @@ impl LearnedPrior {
         self.surface.as_deref()
     }
 
+    /// The hidden layers, from the style on; empty for a prior without a network.
     pub fn hidden(&self) -> &[Layer] {
         &self.hidden
     }
 
+    /// The last layer, which is linear in its input: the style, followed by the last hidden layer's outputs.
     pub fn output(&self) -> &LinearPrior {
         &self.output
     }

@@ -17,20 +17,39 @@ pub struct LinearPrior {
 /// Why arrays do not make a linear prior.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidPrior {
+    /// An array has not as many numbers as it should.
     #[error("{what} holds {found} numbers, {expected} expected")]
     Length {
+        /// The array.
         what: &'static str,
+        /// The numbers that it has.
         found: usize,
+        /// The numbers that it should have.
         expected: usize,
     },
+    /// The prior has no point.
     #[error("there are no points")]
     Empty,
+    /// An array holds a number that is infinite or not a number.
     #[error("{what} holds a number that is not finite, at index {index}")]
-    NotFinite { what: &'static str, index: usize },
+    NotFinite {
+        /// The array.
+        what: &'static str,
+        /// The index of the first such number.
+        index: usize,
+    },
+    /// A normal does not have length 1. The field is its index.
     #[error("normal {0} is not of unit length")]
     NotUnit(usize),
+    /// A point names a face that does not exist.
     #[error("point {index} lies on no face of the {faces}")]
-    NoFace { index: usize, faces: usize },
+    NoFace {
+        /// The point's index.
+        index: usize,
+        /// The faces of the mesh.
+        faces: usize,
+    },
+    /// The mesh of a prior of surfaces is wrong.
     #[error(transparent)]
     Mesh(#[from] super::InvalidMesh),
 }

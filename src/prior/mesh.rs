@@ -24,18 +24,30 @@ pub struct MirroredMesh {
 /// Why faces do not make the half of a closed surface.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidMesh {
+    /// A face names a vertex that does not exist.
     #[error("face {face} names vertex {vertex} of {vertices}")]
     NoVertex {
+        /// The face's index.
         face: usize,
+        /// The vertex that it names.
         vertex: u32,
+        /// The vertices of the mesh.
         vertices: usize,
     },
+    /// The mesh is no oriented manifold at an edge. The fields are the edge's vertices.
     #[error("edge {0}-{1} has more than two faces, or two that are wound differently")]
     NotManifold(u32, u32),
+    /// A vertex belongs to no face. The field is its index.
     #[error("vertex {0} is of no face")]
     Unused(usize),
+    /// There is not one triple of texture coordinates per face.
     #[error("{found} faces have texture coordinates, {expected} expected")]
-    TextureCoordinates { found: usize, expected: usize },
+    TextureCoordinates {
+        /// The triples found.
+        found: usize,
+        /// The faces of the mesh.
+        expected: usize,
+    },
 }
 
 impl MirroredMesh {

@@ -33,7 +33,8 @@ pub use file::{
 pub use frame_error::{FrameError, Known, frame_errors};
 pub use learned::{Layer, LearnedPrior};
 pub use linear::{InvalidPrior, LinearPrior};
-pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, subdivided, write_mesh};
+pub(crate) use mesh::subdivided;
+pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, write_mesh};
 #[cfg(feature = "cad")]
 pub use sheet::contact_sheet;
 pub use surface::{FrameDerivative, FreeForm, SurfacePoint, SurfacePrior};
@@ -45,10 +46,10 @@ use std::sync::Arc;
 ///
 /// Points are stored so that any prefix is an even sample of the surface (farthest-point order).
 pub trait ShapePrior: Send + Sync {
-    /// S.
+    /// The number of style entries S.
     fn style_len(&self) -> usize;
 
-    /// N.
+    /// The number of points N.
     fn point_count(&self) -> usize;
 
     /// X(s): fills `points` with `points.len() / 3` points, xyz after xyz: a prefix of all N.

@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Vector3};
 
 type V3 = Vector3<f64>;
 
-/// Of a view; higher for what is tall.
-const LEAST_CELL: (usize, usize) = (300, 190);
+/// The least (width, height) of a view, pixels; tall shapes get a higher one.
+const MIN_CELL: (usize, usize) = (300, 190);
 /// Pixels a diagonal.
 const SCALE: f64 = 290.0;
 const MARGIN: usize = 20;
@@ -76,7 +76,7 @@ fn cell(prior: &LearnedPrior) -> (usize, usize) {
         .into_iter()
         .map(|point| point.y.abs());
     let height = 2.0 * ROOM * SCALE * heights.fold(0.0, f64::max);
-    (LEAST_CELL.0, LEAST_CELL.1.max(height.ceil() as usize))
+    (MIN_CELL.0, MIN_CELL.1.max(height.ceil() as usize))
 }
 
 /// Rows: the viewer's right, up, and the direction towards the viewer.
@@ -178,8 +178,8 @@ mod tests {
         let normals = vec![[0.0, 0.0, -1.0], [0.0, -0.6, -0.8]];
         let prior = LearnedPrior::from(LinearPrior::new(mean, vec![], 0, normals).unwrap());
         let sheet = contact_sheet(&prior, 3);
-        assert_eq!(sheet.size(), (4 * LEAST_CELL.0, LEAST_CELL.1 + MARGIN));
-        let centre = sheet[(3 * LEAST_CELL.0 + LEAST_CELL.0 / 2, MARGIN + LEAST_CELL.1 / 2)];
+        assert_eq!(sheet.size(), (4 * MIN_CELL.0, MIN_CELL.1 + MARGIN));
+        let centre = sheet[(3 * MIN_CELL.0 + MIN_CELL.0 / 2, MARGIN + MIN_CELL.1 / 2)];
         let light = V3::new(-0.4, 0.7, 0.6).normalize();
         let expected = 70.0 + 170.0 * V3::new(0.0, -0.6, 0.8).dot(&light).max(0.0);
         assert!(

@@ -11,30 +11,33 @@ use rayon::prelude::*;
 type V3 = Vector3<f64>;
 
 /// A shape of less is none.
-const LEAST_DIAGONAL: f64 = 1e-3;
+const MIN_DIAGONAL: f64 = 1e-3;
 
 /// Which modes of the free form there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FreeForm {
-    /// None: the style alone.
+    /// The shape is the style's alone.
     None,
-    /// Those that keep the shape symmetric.
+    /// The modes that keep the shape symmetric.
     Symmetric,
-    /// Those, and then as many again that do not.
+    /// The symmetric modes and as many asymmetric ones.
     Any,
 }
 
 /// The derivative by one of a shape's coordinates of a similarity that does not turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameDerivative {
+    /// The change of the scale.
     pub scale: f64,
+    /// The change of the translation, object units.
     pub translation: V3,
 }
 
 /// A place on the half-mesh that goes along with it: a face, and the weights of its corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
+    /// An index into the half-mesh's faces.
     pub face: u32,
     /// Of the second and the third corner; the first has the rest.
     pub weights: [f32; 2],
@@ -130,7 +133,7 @@ impl SurfacePrior {
         }
     }
 
-    /// How the vertices hang together.
+    /// The faces and the seam of the mesh.
     pub fn mesh(&self) -> &MirroredMesh {
         &self.mesh
     }
@@ -160,12 +163,12 @@ impl SurfacePrior {
         &self.points
     }
 
-    /// S.
+    /// The number of style entries S.
     pub fn style_len(&self) -> usize {
         self.style_len
     }
 
-    /// How many coordinates the free form has.
+    /// The number of the free form's coordinates.
     pub fn form_len(&self, form: FreeForm) -> usize {
         self.form_modes(form).len()
     }
@@ -383,7 +386,7 @@ fn canonical_frame(vertices: &[V3], faces: &[[u32; 3]]) -> Option<Similarity> {
     let (low, high) = body_box(vertices, faces, BODY_BEYOND)?;
     let diagonal = (high - low).norm();
     let centre = (low + high) / 2.0;
-    (diagonal.is_finite() && diagonal > LEAST_DIAGONAL).then(|| Similarity {
+    (diagonal.is_finite() && diagonal > MIN_DIAGONAL).then(|| Similarity {
         scale: 1.0 / diagonal,
         rotation: Rotation3::identity(),
         // Symmetric in x = 0 but for an asymmetric form.

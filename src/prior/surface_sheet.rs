@@ -2,7 +2,7 @@
 
 use super::glyphs;
 use super::surface::{FreeForm, SurfacePrior};
-use crate::cad::render::{Light, LightFrame, Renderer, View};
+use crate::cad::render::{Light, LightFrame, Renderer, Viewpoint};
 use crate::cad::{Material, Mesh, Triangle, orbit};
 use crate::geometry::Pinhole;
 use crate::image::{Grid, RgbImage};
@@ -151,7 +151,7 @@ fn picture(prior: &SurfacePrior, cell: &Cell) -> RgbImage {
             texture: None,
         }],
     };
-    let view = View {
+    let view = Viewpoint {
         camera: Pinhole {
             fx: SCALE * DISTANCE,
             fy: SCALE * DISTANCE,

@@ -4,7 +4,7 @@ use crate::image::{Mask, RgbImage};
 
 /// Side of a crop.
 pub const SIDE_PX: usize = 48;
-/// Red, green, blue and mask.
+/// The channels of a crop: red, green, blue and mask.
 pub const CHANNELS: usize = 4;
 /// Room around the mask's box, as a share of its longer side, on each side.
 const MARGIN: f64 = 0.06;

@@ -2,7 +2,7 @@
 //! leak and bite.
 
 use super::crop::{CHANNELS, Crop, SIDE_PX};
-use crate::cad::render::{Light, LightFrame, Renderer, View};
+use crate::cad::render::{Light, LightFrame, Renderer, Viewpoint};
 use crate::cad::{Mesh, orbit};
 use crate::geometry::Pinhole;
 use crate::image::{Grid, Mask, RgbImage};
@@ -21,19 +21,22 @@ const STYLE_POINTS: usize = 4096;
 /// Crops are kept in steps of so much; brighter than 255 of them is cut.
 const STEP: f32 = 1.0 / 96.0;
 
-/// What can be chosen.
+/// The size of the training set and its seed.
 #[derive(Clone, Debug)]
 pub struct ExampleOptions {
-    /// Of CAD models, spread evenly; and as many of random styles.
+    /// The number of sequences of CAD models, spread evenly over them; as many again show random styles.
     pub sequences: usize,
-    /// Frames each.
+    /// The frames of each sequence.
     pub frames: usize,
+    /// The seed of cameras, styles and light.
     pub seed: u64,
 }
 
 /// A CAD model (object frame) and the style that comes nearest to it.
 pub struct Model<'a> {
+    /// The model's triangles.
     pub mesh: &'a Mesh,
+    /// The style, S entries.
     pub style: Vec<f64>,
 }
 
@@ -60,7 +63,7 @@ impl Examples {
                 random.set_stream(index as u64);
                 let random = &mut random;
                 let arc = Arc::new(random);
-                let seen = |draw: &dyn Fn(&View, &mut ChaCha8Rng) -> (RgbImage, Mask),
+                let seen = |draw: &dyn Fn(&Viewpoint, &mut ChaCha8Rng) -> (RgbImage, Mask),
                             random: &mut ChaCha8Rng| {
                     (0..options.frames)
                         .map(|frame| {
@@ -73,7 +76,7 @@ impl Examples {
                 let light = light(random);
                 let example = if index < of_models {
                     let model = index % models.len();
-                    let draw = |view: &View, _: &mut ChaCha8Rng| {
+                    let draw = |view: &Viewpoint, _: &mut ChaCha8Rng| {
                         let drawn = renderers[model].render(view, &light);
                         (drawn.image, drawn.mask)
                     };
@@ -94,10 +97,12 @@ impl Examples {
         Self { frames, styles }
     }
 
+    /// The number of sequences, each with the style that it shows.
     pub fn len(&self) -> usize {
         self.styles.len()
     }
 
+    /// Whether there is no sequence.
     pub fn is_empty(&self) -> bool {
         self.styles.is_empty()
     }
@@ -137,7 +142,7 @@ impl Arc {
         }
     }
 
-    fn view(&self, frame: usize, frames: usize, random: &mut impl Rng) -> View {
+    fn view(&self, frame: usize, frames: usize, random: &mut impl Rng) -> Viewpoint {
         let share = frame as f64 / (frames.max(2) - 1) as f64;
         let [start, end] = self.azimuth_deg;
         let mut off = |most: f64| random.random_range(-most..most);
@@ -145,7 +150,7 @@ impl Arc {
         let camera_from_object = orbit(azimuth, self.elevation_deg + off(2.0), self.distance);
         let half = RENDERED_PX as f64 / 2.0;
         let focal = 0.85 * RENDERED_PX as f64 * self.distance;
-        View {
+        Viewpoint {
             camera: Pinhole {
                 fx: focal,
                 fy: focal,
@@ -204,7 +209,7 @@ impl Painted {
         }
     }
 
-    fn draw(&self, view: &View, light: &Light) -> (RgbImage, Mask) {
+    fn draw(&self, view: &Viewpoint, light: &Light) -> (RgbImage, Mask) {
         let drawn = self
             .surface
             .render(&view.camera, &view.camera_from_object, (view.width, view.height));

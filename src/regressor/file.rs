@@ -15,20 +15,22 @@ use std::path::{Path, PathBuf};
 const SCHEMA: u32 = 1;
 const METADATA_KEY: &str = "spba_regressor";
 
-/// What a regressor file says of itself.
+/// The metadata of a regressor file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegressorInfo {
     /// The layout's version.
     pub schema: u32,
+    /// The category of the prior: `car`.
     pub category: String,
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
-    /// How many convolutions there are.
+    /// The number of convolutions.
     pub convolutions: usize,
     /// The command that learned the prior whose styles these are.
     pub prior_command: String,
     /// The command that trained it.
     pub command: String,
+    /// The seed of the examples and of the weights' start.
     pub seed: u64,
 }
 
@@ -50,24 +52,67 @@ impl RegressorInfo {
 /// Why there is no style; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum RegressorError {
+    /// The file cannot be read.
     #[error("{}: cannot read the regressor: {problem}", path.display())]
-    Read { path: PathBuf, problem: std::io::Error },
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// The file cannot be written.
     #[error("{}: cannot write the regressor: {problem}", path.display())]
-    Write { path: PathBuf, problem: std::io::Error },
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// The file is no whole safetensors file.
     #[error("{}: not a whole safetensors file ({reason}): train it again", path.display())]
-    NotSafetensors { path: PathBuf, reason: String },
+    NotSafetensors {
+        /// The file.
+        path: PathBuf,
+        /// The parser's error.
+        reason: String,
+    },
+    /// The file's metadata does not describe a regressor.
     #[error("{}: not a regressor (metadata `{METADATA_KEY}` {reason}): make one with `spba-ceres regressor train`", path.display())]
-    Metadata { path: PathBuf, reason: String },
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is missing or wrong.
+        reason: String,
+    },
+    /// A layer is missing or has another shape.
     #[error("{}: {reason}: train it again", path.display())]
-    Layer { path: PathBuf, reason: String },
+    Layer {
+        /// The file.
+        path: PathBuf,
+        /// The layer and what is wrong with it.
+        reason: String,
+    },
+    /// The regressor speaks of another prior's styles.
     #[error(
         "the regressor was trained for the prior of `{trained_for}`, this one's is `{given}`: train another, or start from the mean style"
     )]
-    OtherPrior { trained_for: String, given: String },
+    OtherPrior {
+        /// The command that learned the prior that it was trained for.
+        trained_for: String,
+        /// The command that learned the prior that was given.
+        given: String,
+    },
+    /// No regressor is bundled for the category.
     #[error(
         "no regressor for `{category}` is bundled, only for {bundled}: train one, or start from the mean style"
     )]
-    NotBundled { category: String, bundled: String },
+    NotBundled {
+        /// The category that was asked for.
+        category: String,
+        /// The categories that have one.
+        bundled: String,
+    },
+    /// Every mask is empty. The field is the sequence's name.
     #[error("sequence `{0}`: every mask is empty: mark the object in them")]
     NothingSeen(String),
 }

@@ -13,7 +13,9 @@ pub const POINTS: usize = 2048;
 /// Chamfer errors of first guesses at one sequence, in diagonals (½ of both mean distances).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guesses {
+    /// The error of the regressor's guess.
     pub regressor: f64,
+    /// The error of the mean shape.
     pub mean: f64,
     /// The known style whose shape, under the true cameras, has the best mean silhouette IoU.
     pub retrieved: Option<f64>,

@@ -10,12 +10,12 @@ mod network;
 #[cfg(feature = "training")]
 mod train;
 
-pub use crop::{CHANNELS, Crop, SIDE_PX};
+pub(crate) use crop::Crop;
 #[cfg(feature = "training")]
 pub use examples::{ExampleOptions, Examples, Model};
 pub use file::{RegressorError, RegressorInfo, bundled, load, save};
 pub use judge::{Guesses, POINTS, judge};
-pub use network::{Conv, Dense, Network};
+pub use network::Network;
 #[cfg(feature = "training")]
 pub use train::{REGRESSOR_RATE, train};
 
@@ -25,7 +25,9 @@ use crate::sequence::Sequence;
 /// A trained network and the prior whose styles it speaks of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regressor {
+    /// What the regressor was trained for, and how.
     pub info: RegressorInfo,
+    /// The weights.
     pub network: Network,
 }
 

@@ -18,12 +18,15 @@ pub struct Conv(pub Dense);
 /// Convolutions with ReLU, a dense layer with tanh, a gated recurrent unit, a dense layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
+    /// The convolutions, from the crop on.
     pub convolutions: Vec<Conv>,
+    /// The layer after the convolutions, whose output is the frame's feature.
     pub feature: Dense,
-    /// Of the frame's feature: update, reset and new state, one below the other.
+    /// The layer from the frame's feature to the gates: update, reset and new state, one below the other.
     pub from_feature: Dense,
-    /// Of the state, likewise.
+    /// The layer from the state to the gates, likewise.
     pub from_state: Dense,
+    /// The layer from the last state to the style.
     pub style: Dense,
 }
 

@@ -1,6 +1,6 @@
 //! The solution as a COLMAP text model: `cameras.txt`, `images.txt`, `points3D.txt`; world = object frame.
 
-use super::{ReportError, Surface, View, trajectory::quaternion};
+use super::{ReportError, Surface, ZBuffer, trajectory::quaternion};
 use crate::geometry::{Pinhole, Pose};
 use std::fmt::Write;
 use std::path::Path;
@@ -33,7 +33,7 @@ impl ColmapModel {
         camera: &Pinhole,
         camera_from_object: &Pose,
         surface: &Surface,
-        view: &View,
+        view: &ZBuffer,
     ) {
         let key = (*camera, view.depth.size());
         let known = self.cameras.iter().position(|other| *other == key);

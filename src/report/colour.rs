@@ -1,6 +1,6 @@
 //! Colours of the shape's points, gathered from the frames in which they are visible.
 
-use super::{Neighbours, Surface, View};
+use super::{Neighbours, Surface, ZBuffer};
 use crate::geometry::{Pose, Vector3};
 use crate::image::RgbImage;
 use crate::sequence::Frame;
@@ -10,7 +10,7 @@ const TWIN_SPACINGS: f64 = 3.0;
 
 /// Weighted sums of what the frames show at each point.
 pub(super) struct ColourGatherer {
-    /// RGB · weight, weight.
+    /// Per point the sums of RGB · weight and of the weight.
     sums: Vec<([f64; 3], f64)>,
 }
 
@@ -32,7 +32,13 @@ impl ColourGatherer {
 
     /// Adds the visible points that project into the frame's mask, weighted by the squared cosine between normal
     /// and line of sight: a point seen head-on is sharpest and least likely to show its neighbour.
-    pub(super) fn add(&mut self, frame: &Frame, camera_from_object: &Pose, surface: &Surface, view: &View) {
+    pub(super) fn add(
+        &mut self,
+        frame: &Frame,
+        camera_from_object: &Pose,
+        surface: &Surface,
+        view: &ZBuffer,
+    ) {
         for &point in &view.visible {
             let i = point as usize;
             let in_camera = camera_from_object.transform(&surface.points()[i]);

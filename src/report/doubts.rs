@@ -23,7 +23,7 @@ const LOWER_IOU: f64 = 0.12;
 pub struct Doubts {
     /// Whether a shape of the prior explains the masks, and with a likely focal length; a result that is not so is of no use.
     pub explained: bool,
-    /// For people: each with what to look at.
+    /// Sentences for people, each with what to look at.
     pub words: Vec<String>,
 }
 

@@ -166,7 +166,7 @@ pub(crate) fn solved(surface: &Surface, frame_count: usize) -> (Sequence, Soluti
 }
 
 /// A red body and a blue cabin on grey ground.
-fn shade(surface: &Surface, view: &super::View, at: (usize, usize)) -> [f32; 3] {
+fn shade(surface: &Surface, view: &super::ZBuffer, at: (usize, usize)) -> [f32; 3] {
     let Some(point) = view.index[at] else {
         return [90.0 + at.1 as f32 / 4.0; 3];
     };

@@ -83,7 +83,7 @@ fn to_bytes(
 
 /// Vertices that lie at several places of the texture, once for each.
 struct Corners {
-    /// Of the mesh.
+    /// The vertices of the mesh.
     vertices: Vec<u32>,
     /// v down, as glTF has it.
     texture_coordinates: Vec<[f32; 2]>,

@@ -38,7 +38,7 @@ pub use page::{as_solved, write_page};
 pub use ply::read_shape;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
 pub use review::write_review;
-pub use surface::{Surface, UnwrappedMesh, View};
+pub use surface::{Surface, UnwrappedMesh, ZBuffer};
 pub use write::{ReportInput, Written, write};
 
 use std::path::{Path, PathBuf};
@@ -46,29 +46,67 @@ use std::path::{Path, PathBuf};
 /// Why a result folder could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
+    /// The result folder exists already.
     #[error("{}: exists already; name another --out or remove it", path.display())]
-    OutputExists { path: PathBuf },
+    OutputExists {
+        /// The folder.
+        path: PathBuf,
+    },
     // Not `source`: the message has it already, and whoever prints the chain would print it twice.
+    /// A file of the result folder cannot be read or written.
     #[error("{}: {problem}; check the path, the free space and the permissions", path.display())]
-    Io { path: PathBuf, problem: std::io::Error },
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// A picture, mask or depth file cannot be read or written.
     #[error(transparent)]
     Image(#[from] crate::image::ImageError),
+    /// A file of a result folder is damaged.
     #[error("{}: {message}", path.display())]
-    Format { path: PathBuf, message: String },
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and how to mend it.
+        message: String,
+    },
+    /// A value of the solution is infinite or not a number.
     #[error("{field} is not a finite number; nothing was written")]
-    NotFinite { field: String },
+    NotFinite {
+        /// The value's name.
+        field: String,
+    },
+    /// The solution has not one pose per frame.
     #[error("the solution has {poses} camera poses for {frames} frames; nothing was written")]
-    FrameCount { frames: usize, poses: usize },
+    FrameCount {
+        /// The frames of the sequence.
+        frames: usize,
+        /// The poses of the solution.
+        poses: usize,
+    },
+    /// The shape has no point.
     #[error("the shape has no points; nothing was written")]
     EmptyShape,
+    /// α is beyond what an input's unit can be.
     #[error(
         "alpha is {alpha:e}, which is no scale (1e-9 to 1e9 are); nothing was written: check the input's poses and depth"
     )]
-    NoScale { alpha: f64 },
+    NoScale {
+        /// α of the solution.
+        alpha: f64,
+    },
+    /// A camera is so far away that the solve must have diverged.
     #[error(
         "the camera of frame {frame} is {away:e} diagonals away; nothing was written: check the input's poses and masks"
     )]
-    FarAway { frame: String, away: f64 },
+    FarAway {
+        /// The frame's name.
+        frame: String,
+        /// The camera's distance from the object, diagonals.
+        away: f64,
+    },
 }
 
 impl ReportError {

@@ -1,7 +1,7 @@
 //! `result.json`: what a solve found, in numbers (schema 1).
 
 use super::ReportError;
-use super::write::{FARTHEST, SCALES};
+use super::write::{MAX_TRANSLATION, SCALES};
 use crate::geometry::{Matrix3, Pose, Rotation3, Similarity, Vector3};
 use crate::solver::{CameraDeviation, Evaluations, HypothesisOutcome, ObjectiveValue, Termination};
 use serde::{Deserialize, Serialize};
@@ -13,9 +13,10 @@ const SCHEMA: u32 = 1;
 /// The largest entry of RᵀR − 1 for which R still counts as a rotation.
 const ROTATION_TOLERANCE: f64 = 1e-6;
 
-/// `result.json`, key by key.
+/// The content of `result.json`, key by key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
+    /// The version of this file's layout.
     pub schema: u32,
     /// The program's version.
     pub version: String,
@@ -23,8 +24,9 @@ pub struct RunResult {
     pub input: String,
     /// The shape prior's name and version.
     pub prior: String,
+    /// One entry per frame, in the sequence's order.
     pub frames: Vec<FrameResult>,
-    /// s, S entries.
+    /// The style s, S entries.
     pub style: Vec<f64>,
     /// g, the coordinates of the prior's free form that bends the shape of this style; empty without one.
     #[serde(default)]
@@ -34,16 +36,19 @@ pub struct RunResult {
     pub canonical_from_shape: Option<SimilarityRecord>,
     /// α: x_cam = α x'_cam (Eq. 10); `None` where the input brings neither poses nor depth.
     pub alpha: Option<f64>,
-    /// By which the input's focal lengths were multiplied; 1 where they were held.
+    /// The factor by which the input's focal lengths were multiplied; 1 where they were held.
     #[serde(default = "one")]
     pub focal_factor: f64,
-    /// `None` where the input brings no poses.
+    /// The similarity from the input's frame to the object frame; `None` where the input brings no poses.
     pub object_from_input: Option<SimilarityRecord>,
     /// What one object unit is in metres, where the object's real length was given.
     #[serde(default)]
     pub metres_per_unit: Option<f64>,
+    /// The objective at the solve's start and end.
     pub objective: ObjectiveSpan,
+    /// The mean of the frames' silhouette IoU.
     pub silhouette_iou_mean: f64,
+    /// The mean of the frames' density.
     pub density_mean: f64,
     /// Half of the shape's points have a smaller standard deviation; `None` where nothing says so.
     #[serde(default)]
@@ -51,26 +56,32 @@ pub struct RunResult {
     /// Names of the frames whose masks were decided anew where the shape did not explain them.
     #[serde(default)]
     pub masks_anew: Vec<String>,
+    /// Evaluations of the main solve and of the free form's stage, counted by Ceres; short solves are left out.
     pub evaluations: Evaluations,
+    /// Ceres iterations of the main solve and of the free form's stage; short solves are left out.
     pub iterations: usize,
+    /// Why the last stage of the solve stopped.
     pub termination: Termination,
     /// Stage name → wall-clock seconds.
     pub seconds: BTreeMap<String, f64>,
+    /// The most memory that the process used, MB (10⁶ bytes); `None` where the system does not tell.
     pub peak_memory_mb: Option<f64>,
+    /// One entry per pose hypothesis, after its short solve.
     pub hypotheses: Vec<HypothesisOutcome>,
 }
 
 /// One frame of `result.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameResult {
+    /// The frame's name.
     pub name: String,
-    /// `camera_from_object`, row by row; x right, y down, z forward in the camera.
+    /// The rotation of `camera_from_object`, row by row; x right, y down, z forward in the camera.
     pub rotation: [[f64; 3]; 3],
-    /// `camera_from_object`, object units.
+    /// The translation of `camera_from_object`, object units.
     pub translation: [f64; 3],
     /// The camera's centre in the object frame.
     pub center: [f64; 3],
-    /// Of the projected shape and the given mask.
+    /// The IoU of the projected shape and the given mask, in \[0, 1\].
     pub silhouette_iou: f64,
     /// The share of the given mask's pixels that visible projected points cover.
     pub density: f64,
@@ -82,16 +93,20 @@ pub struct FrameResult {
 /// x_object = scale · rotation x_input + translation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimilarityRecord {
+    /// The factor on lengths.
     pub scale: f64,
-    /// Row by row.
+    /// The rotation, row by row.
     pub rotation: [[f64; 3]; 3],
+    /// The translation, object units.
     pub translation: [f64; 3],
 }
 
 /// The objective before the first and after the last iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObjectiveSpan {
+    /// The value before the first iteration.
     pub start: ObjectiveValue,
+    /// The value after the last iteration.
     pub end: ObjectiveValue,
 }
 
@@ -108,6 +123,7 @@ impl RunResult {
 }
 
 impl FrameResult {
+    /// The record of a frame: its name, its pose, and its two measures in \[0, 1\].
     pub fn new(name: &str, camera_from_object: &Pose, silhouette_iou: f64, density: f64) -> Self {
         Self {
             name: name.to_owned(),
@@ -120,7 +136,7 @@ impl FrameResult {
         }
     }
 
-    /// `None` if the rotation is none.
+    /// The pose; `None` if `rotation` is no rotation matrix.
     pub fn camera_from_object(&self) -> Option<Pose> {
         let matrix = Matrix3::from(self.rotation).transpose();
         let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
@@ -199,7 +215,7 @@ impl RunResult {
                 numbers.push((
                     format!("frames[{}].translation", frame.name),
                     value,
-                    -FARTHEST..=FARTHEST,
+                    -MAX_TRANSLATION..=MAX_TRANSLATION,
                 ));
             }
         }
@@ -216,7 +232,7 @@ impl RunResult {
         }
     }
 
-    /// Pretty JSON; refuses what JSON cannot hold.
+    /// Writes pretty JSON; refuses numbers that JSON cannot hold.
     pub(super) fn to_json(&self) -> Result<String, ReportError> {
         if let Some(field) = self.first_not_finite() {
             return Err(ReportError::NotFinite { field });

@@ -10,7 +10,7 @@ use std::path::Path;
 /// Writes a contact sheet of every frame: the picture, and below it the mask's outline and the off-the-shelf depth.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// The file cannot be written.
 pub fn write_review(sequence: &Sequence, file: &Path) -> Result<(), ReportError> {
     let frames = &sequence.frames;
     let mut sheet = Sheet::new(frames, frames.len());

@@ -29,9 +29,9 @@ struct Tile {
 }
 
 impl Sheet {
-    pub(super) fn new(frames: &[Frame], most: usize) -> Self {
+    pub(super) fn new(frames: &[Frame], max_tiles: usize) -> Self {
         Self {
-            chosen: spread(frames.len(), most),
+            chosen: spread(frames.len(), max_tiles),
             window: window(frames),
             tiles: Vec::new(),
         }
@@ -109,8 +109,8 @@ impl Tile {
     }
 }
 
-fn spread(frame_count: usize, most: usize) -> Vec<usize> {
-    let shown = frame_count.min(most);
+fn spread(frame_count: usize, max_tiles: usize) -> Vec<usize> {
+    let shown = frame_count.min(max_tiles);
     let (last, steps) = (frame_count.saturating_sub(1), shown.saturating_sub(1));
     (0..shown)
         .map(|i| (i * last + steps / 2) / steps.max(1))

@@ -31,7 +31,7 @@ pub struct UnwrappedMesh {
     pub(super) vertices: Vec<Vector3<f64>>,
     /// Unit normals, one a vertex.
     pub(super) normals: Vec<Vector3<f64>>,
-    /// Counter-clockwise seen from outside.
+    /// Indices of the vertices, counter-clockwise seen from outside.
     pub(super) faces: Vec<[u32; 3]>,
     /// Per corner of the faces: in \[0, 1\], u to the right, v up; 1 − u is the mirror image's.
     pub(super) texture_coordinates: Vec<[[f32; 2]; 3]>,
@@ -86,18 +86,18 @@ fn normals(vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// A [`Surface`] as one camera sees it.
+/// The z-buffer of a [`Surface`] in one camera.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct ZBuffer {
     /// z of the nearest facet where the ray through the pixel's centre meets it, object units; 0 = none.
     pub depth: DepthMap,
-    /// The point whose footprint that is.
+    /// The index of the point whose footprint is nearest, one per pixel; `None` where there is none.
     pub index: Grid<Option<u32>>,
     /// The points that the near side does not hide, ascending.
     pub visible: Vec<u32>,
 }
 
-impl View {
+impl ZBuffer {
     /// The silhouette: true where a footprint covers the pixel.
     pub fn mask(&self) -> Mask {
         self.depth.known()
@@ -220,7 +220,7 @@ impl Surface {
         &self.facets
     }
 
-    /// N × 3, object frame.
+    /// The points, N × 3, object frame.
     pub fn points(&self) -> &[Vector3<f64>] {
         &self.points
     }
@@ -242,7 +242,7 @@ impl Surface {
 
     /// Draws the shape into a `size` = (width, height) image. Every point in front of the camera covers at least
     /// the pixel that holds it; points behind the camera are skipped, with the facets that touch them.
-    pub fn render(&self, camera: &Pinhole, camera_from_object: &Pose, size: (usize, usize)) -> View {
+    pub fn render(&self, camera: &Pinhole, camera_from_object: &Pose, size: (usize, usize)) -> ZBuffer {
         let mut canvas = Canvas {
             depth: Grid::filled(size.0, size.1, 0.0),
             index: Grid::filled(size.0, size.1, None),
@@ -282,7 +282,7 @@ impl Surface {
                 (p.z <= f64::from(front) + tolerance(p.z)).then_some(i)
             })
             .collect();
-        View {
+        ZBuffer {
             depth: canvas.depth,
             index: canvas.index,
             visible,

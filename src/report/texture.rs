@@ -2,7 +2,7 @@
 //! neighbours have.
 
 use super::colour::bilinear;
-use super::surface::{UnwrappedMesh, View};
+use super::surface::{UnwrappedMesh, ZBuffer};
 use crate::geometry::{Pose, Vector3};
 use crate::image::{Grid, Mask};
 use crate::sequence::Frame;
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Texels along each side.
 const SIZE: usize = 1024;
 /// Below this cosine between normal and line of sight a frame says nothing of a texel: what it shows there is smeared.
-const LEAST_COSINE: f64 = 0.15;
+const MIN_COSINE: f64 = 0.15;
 /// Frames count by this power of that cosine over the distance.
 const SHARPNESS: i32 = 4;
 /// The mask must hold the surroundings of a texel as wide as this, in pixels: at its edge the background shines through.
@@ -25,11 +25,11 @@ const SPREADING_ROUNDS: usize = 300;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
     Seen,
-    /// Seen at its mirror image alone.
+    /// The texel is seen at its mirror image alone.
     Mirrored,
-    /// Its neighbours'.
+    /// The colour of its neighbours.
     Filled,
-    /// On no face.
+    /// The texel lies on no face.
     Nothing,
 }
 
@@ -57,7 +57,7 @@ impl Texture {
 #[derive(Clone, Copy)]
 struct Texel {
     face: u32,
-    /// Of the face's corners.
+    /// The barycentric weights of the face's corners.
     weights: [f32; 3],
 }
 
@@ -65,7 +65,7 @@ struct Texel {
 pub(super) struct TextureGatherer<'a> {
     mesh: &'a UnwrappedMesh,
     texels: Grid<Option<Texel>>,
-    /// RGB · weight, weight.
+    /// Per texel the sums of RGB · weight and of the weight.
     sums: Vec<([f64; 3], f64)>,
 }
 
@@ -83,7 +83,7 @@ impl<'a> TextureGatherer<'a> {
     }
 
     /// Adds what a frame shows. `view` is the mesh as its camera sees it; depths may differ by `tolerance`, object units.
-    pub(super) fn add(&mut self, frame: &Frame, camera_from_object: &Pose, view: &View, tolerance: f64) {
+    pub(super) fn add(&mut self, frame: &Frame, camera_from_object: &Pose, view: &ZBuffer, tolerance: f64) {
         let mesh = self.mesh;
         let texels = self.texels.data();
         self.sums
@@ -96,7 +96,7 @@ impl<'a> TextureGatherer<'a> {
                 let normal = (camera_from_object.rotation * at(&mesh.normals)).normalize();
                 let distance = in_camera.norm();
                 let cosine = -normal.dot(&in_camera) / distance;
-                if cosine < LEAST_COSINE {
+                if cosine < MIN_COSINE {
                     return;
                 }
                 let Some(pixel) = frame.camera.project(&in_camera) else {

@@ -27,7 +27,7 @@ pub(super) fn tum(camera_from_object: &[Pose], times_s: &[Option<f64>]) -> Strin
     text
 }
 
-/// (w, x, y, z) of a pose's rotation, w ≥ 0.
+/// The quaternion (w, x, y, z) of a pose's rotation, w ≥ 0.
 pub(super) fn quaternion(pose: &Pose) -> [f64; 4] {
     let q = UnitQuaternion::from_rotation_matrix(&pose.rotation);
     let sign = if q.w < 0.0 { -1.0 } else { 1.0 };

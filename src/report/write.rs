@@ -19,7 +19,9 @@ use std::path::{Path, PathBuf};
 
 /// What goes into a result folder.
 pub struct ReportInput<'a> {
+    /// The sequence that was solved.
     pub sequence: &'a Sequence,
+    /// What the solve found.
     pub solution: &'a Solution,
     /// The shape found: [`Surface::of`].
     pub surface: &'a Surface,
@@ -42,11 +44,13 @@ pub struct ReportInput<'a> {
 /// What was written, and where.
 #[derive(Clone, Debug)]
 pub struct Written {
+    /// The result folder.
     pub folder: PathBuf,
     /// The first thing to look at, in a browser.
     pub page: PathBuf,
     /// All frames with the shape over them, as one picture.
     pub contact_sheet: PathBuf,
+    /// The content of `result.json`.
     pub result: RunResult,
     /// What speaks against the result.
     pub doubts: Doubts,
@@ -55,7 +59,7 @@ pub struct Written {
 /// What an input's units may be in diagonals of the object: far more than any, and far less than what a diverged solve gives.
 pub(super) const SCALES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
 /// Diagonals; an orthographic camera may be passed off as one that is far away.
-pub(super) const FARTHEST: f64 = 1e9;
+pub(super) const MAX_TRANSLATION: f64 = 1e9;
 
 /// Frames on a result's contact sheet.
 const SHOWN: usize = 16;
@@ -182,7 +186,7 @@ fn check(input: &ReportInput) -> Result<Vec<Pose>, ReportError> {
                 field: format!("the pose of frame {}", frame.name),
             });
         }
-        if pose.translation.norm() > FARTHEST {
+        if pose.translation.norm() > MAX_TRANSLATION {
             return Err(ReportError::FarAway {
                 frame: frame.name.clone(),
                 away: pose.translation.norm(),

@@ -16,6 +16,7 @@ use std::path::Path;
 pub struct SequenceContent {
     /// The folder's name.
     pub name: String,
+    /// The frames, in order of time.
     pub frames: Vec<Frame>,
     /// Standard deviation, in diagonals of the object, of where the off-the-shelf poses take its points between two frames; None
     /// where nobody vouches for them.
@@ -64,14 +65,14 @@ impl Sequence {
     /// The sequence with something changed, checked again.
     ///
     /// # Errors
-    /// As [`Sequence::new`].
+    /// The errors of [`Sequence::new`].
     pub fn edited(self, edit: impl FnOnce(&mut SequenceContent)) -> Result<Self, SequenceError> {
         let mut content = self.0;
         edit(&mut content);
         Self::new(content)
     }
 
-    /// What it holds, to be taken apart.
+    /// The content, to be taken apart.
     pub fn into_content(self) -> SequenceContent {
         self.0
     }

@@ -15,23 +15,25 @@ const BYTES_PER_PIXEL: f64 = 60.0;
 /// Masks of more than half of the frames whose object lies along more than this share of the border are doubted.
 const SUSPICIOUS_BORDER: f64 = 0.5;
 
-/// What an input holds.
+/// What an input holds and what is wrong with it.
 #[derive(Debug)]
 pub struct Examination {
+    /// The input's name.
     pub name: String,
-    /// `sequence folder`, `COLMAP workspace` …
+    /// The kind of input: `sequence folder`, `COLMAP workspace` …
     pub kind: &'static str,
+    /// One entry per frame, in order.
     pub frames: Vec<FrameExamination>,
     /// What a user should know but need not mend.
     pub notes: Vec<String>,
     /// Every fault found; empty if and only if the input is usable.
     pub problems: Vec<SequenceError>,
-    /// There if and only if there are no problems.
+    /// The sequence itself; `None` if and only if there are problems.
     sequence: Option<Sequence>,
 }
 
 impl Examination {
-    /// The input itself, or the first of its faults.
+    /// The sequence, or the first of the input's faults.
     pub fn into_sequence(self) -> Result<Sequence, SequenceError> {
         let fault = self.problems.into_iter().next();
         // Without problems there is a sequence.
@@ -43,14 +45,19 @@ impl Examination {
 /// What one frame holds; `None` where it could not be read.
 #[derive(Clone, Debug)]
 pub struct FrameExamination {
+    /// The frame's name.
     pub name: String,
+    /// The frame's intrinsics, pixels.
     pub camera: Pinhole,
     /// The image's (width, height).
     pub size: Option<(usize, usize)>,
+    /// The shape of the mask; `None` where there is none that can be read.
     pub mask: Option<MaskSummary>,
     /// Share of the mask's pixels with off-the-shelf depth, in \[0, 1\].
     pub depth_share: Option<f64>,
+    /// Whether the input gives the frame's pose.
     pub has_pose: bool,
+    /// The time at which the frame was taken, seconds; `None` where the input does not tell.
     pub timestamp_s: Option<f64>,
 }
 
@@ -61,7 +68,7 @@ pub struct MaskSummary {
     pub share: f64,
     /// Object pixels in the image's outermost rows and columns.
     pub border_px: usize,
-    /// 8-connected parts.
+    /// The number of 8-connected parts.
     pub parts: usize,
 }
 

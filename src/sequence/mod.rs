@@ -83,11 +83,15 @@ pub(crate) fn same_frame(a: &str, b: &str) -> bool {
 /// One undistorted frame. Image, mask and depth have one size.
 #[derive(Clone, Debug)]
 pub struct Frame {
+    /// The frame's name, once only in its sequence.
     pub name: String,
     /// Shared with whoever looks at it for long, as the solver.
     pub image: Arc<RgbImage>,
+    /// True on the object.
     pub mask: Mask,
+    /// The intrinsics, pixels.
     pub camera: Pinhole,
+    /// The time at which the frame was taken, seconds; `None` where the input does not tell.
     pub timestamp_s: Option<f64>,
     /// x_cam' = R' x' + t' in the off-the-shelf reconstruction's own frame and units (Eq. 10).
     pub camera_from_input: Option<Pose>,
@@ -98,12 +102,12 @@ pub struct Frame {
     pub depth_deviation: Option<Grid<f32>>,
 }
 
-/// What a rendered sequence knows of itself.
+/// The truth of a rendered sequence.
 #[derive(Clone, Debug)]
 pub struct Truth {
-    /// One per frame.
+    /// The true pose of every frame; lengths in diagonals.
     pub camera_from_object: Vec<Pose>,
-    /// z in object units, one per frame.
+    /// The true depth map of every frame, z in diagonals.
     pub depth: Vec<DepthMap>,
     /// Points on the outside of the canonical shape, object frame.
     pub shape: Vec<[f32; 3]>,

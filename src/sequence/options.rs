@@ -2,29 +2,36 @@
 
 use std::path::PathBuf;
 
-/// Defaults: the input's own depth, every frame.
+/// What [`load`](super::load) reads of an input. The defaults are its own depth and every frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// A folder with openMVS's `scene.mvs` and `depth*.dmap`, for COLMAP workspaces.
     pub depth: Option<PathBuf>,
+    /// Which frames are loaded.
     pub window: FrameWindow,
 }
 
 /// Frames `start`, `start + every`, … before `end` (an index into the sorted frames, exclusive; `None` = all).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameWindow {
+    /// The index of the first frame.
     pub start: usize,
+    /// The index after that of the last frame; `None` takes all.
     pub end: Option<usize>,
-    /// At least 1.
+    /// The step from frame to frame, at least 1.
     pub every: usize,
 }
 
+/// Why a range of frames cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum WindowError {
+    /// The text is no range. The field is the text.
     #[error("`{0}` is no frame range; write start..end, start.. or ..end, such as 0..16")]
     Syntax(String),
+    /// The range ends where or before it begins. The field is the range.
     #[error("`{0}` holds no frame; its end must lie beyond its start")]
     Empty(String),
+    /// The step is 0.
     #[error("0 is no step; --every must be at least 1")]
     ZeroStep,
 }
@@ -41,6 +48,18 @@ impl Default for FrameWindow {
 
 impl FrameWindow {
     /// Parses what `--frames` and `--every` were given: `0..16`, `4..`, `..16`, `..`, and a step.
+    ///
+    /// ```
+    /// use spba_ceres::sequence::FrameWindow;
+    ///
+    /// let window = FrameWindow::parse("4..16", 2)?;
+    /// assert_eq!((window.start, window.end, window.every), (4, Some(16), 2));
+    /// assert!(FrameWindow::parse("16..4", 1).is_err());
+    /// # Ok::<(), spba_ceres::sequence::WindowError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// No range, a range without a frame, a step of 0.
     pub fn parse(range: &str, every: usize) -> Result<Self, WindowError> {
         let syntax = || WindowError::Syntax(range.to_owned());
         let bound = |text: &str| match text.trim() {

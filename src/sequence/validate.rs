@@ -10,18 +10,18 @@ const ORTHONORMAL_TOLERANCE: f64 = 1e-3;
 const EXACT_TOLERANCE: f64 = 1e-12;
 /// Focal lengths in longer sides of the image: a fisheye's 170° to far more than any tele lens's, as an orthographic camera may be
 /// passed off as one.
-const LEAST_FOCAL: f64 = 0.05;
-const MOST_FOCAL: f64 = 1e5;
+const MIN_FOCAL: f64 = 0.05;
+const MAX_FOCAL: f64 = 1e5;
 /// Of the principal point, in longer sides: crops put it outside, but not far.
-const MOST_OFF_CENTRE: f64 = 10.0;
-/// A hundred diagonals say nothing any more.
-const MOST_DEVIATION: f64 = 100.0;
-/// Units: the earth in tenths of a millimetre.
-const MOST_FAR: f64 = 1e12;
+const MAX_PRINCIPAL_POINT_OFFSET: f64 = 10.0;
+/// The largest standard deviation of poses, diagonals: more says nothing.
+const MAX_DEVIATION: f64 = 100.0;
+/// The largest coordinate of a translation, input units: the earth in tenths of a millimetre.
+const MAX_TRANSLATION: f64 = 1e12;
 
 /// Whether a number may be a standard deviation of poses in diagonals of the object, or of the logarithm of a focal length.
 pub(super) fn is_deviation(value: f64) -> bool {
-    value > 0.0 && value <= MOST_DEVIATION
+    value > 0.0 && value <= MAX_DEVIATION
 }
 
 /// Focal lengths positive and finite, principal point finite.
@@ -59,7 +59,7 @@ pub(super) fn check_camera_fits(
 ) -> Result<(), SequenceError> {
     let longest = width.max(height) as f64;
     for (name, value) in [("fx", camera.fx), ("fy", camera.fy)] {
-        if !(LEAST_FOCAL * longest..=MOST_FOCAL * longest).contains(&value) {
+        if !(MIN_FOCAL * longest..=MAX_FOCAL * longest).contains(&value) {
             return Err(SequenceError::invalid(
                 file,
                 format!("{field}.{name}"),
@@ -69,7 +69,7 @@ pub(super) fn check_camera_fits(
         }
     }
     for (name, value) in [("cx", camera.cx), ("cy", camera.cy)] {
-        if value.abs() > MOST_OFF_CENTRE * longest {
+        if value.abs() > MAX_PRINCIPAL_POINT_OFFSET * longest {
             return Err(SequenceError::invalid(
                 file,
                 format!("{field}.{name}"),
@@ -125,7 +125,7 @@ pub(super) fn check_translation(
 ) -> Result<(), SequenceError> {
     let problem = if !translation.iter().all(|value| value.is_finite()) {
         "not finite".to_owned()
-    } else if translation.amax() > MOST_FAR {
+    } else if translation.amax() > MAX_TRANSLATION {
         format!("{:e} units away", translation.amax())
     } else {
         return Ok(());
@@ -134,7 +134,7 @@ pub(super) fn check_translation(
         file,
         format!("{field}.translation"),
         problem,
-        format!("give three numbers within ±{MOST_FAR:e}, or leave the frame out"),
+        format!("give three numbers within ±{MAX_TRANSLATION:e}, or leave the frame out"),
     ))
 }
 

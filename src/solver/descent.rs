@@ -67,12 +67,12 @@ pub(super) fn descend(
     };
     'levels: for &level in route.levels {
         descent.termination = Termination::StepLimit;
-        let mut course = Course::new(options.tolerance);
+        let mut stall = StallDetector::new(options.tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
             let visibility = objective.visibility(&estimate, level)?;
             let before = objective.evaluate(&estimate, &visibility)?.total;
-            if !placing && !course.progresses(before) {
+            if !placing && !stall.progresses(before) {
                 descent.termination = Termination::Converged;
                 break;
             }
@@ -172,13 +172,13 @@ impl CpuClock {
 
 /// The objective at the start of each step, under its own visibility: a call lowers it for the visibility that it began
 /// with, and the renewal may undo that, over and over.
-struct Course {
+struct StallDetector {
     tolerance: f64,
     lowest: f64,
     steps_since: usize,
 }
 
-impl Course {
+impl StallDetector {
     /// So many steps in a row that do not go below the lowest are enough.
     const PATIENCE: usize = 2;
 
@@ -213,11 +213,11 @@ mod tests {
 
     #[test]
     fn two_steps_without_a_new_lowest_objective_are_enough() {
-        let mut course = Course::new(1e-3);
-        assert!(course.progresses(10.0));
-        assert!(course.progresses(11.0), "the first one without");
-        assert!(course.progresses(9.0), "a new lowest");
-        assert!(course.progresses(8.999), "lower, but by less than the tolerance");
-        assert!(!course.progresses(9.5));
+        let mut stall = StallDetector::new(1e-3);
+        assert!(stall.progresses(10.0));
+        assert!(stall.progresses(11.0), "the first one without");
+        assert!(stall.progresses(9.0), "a new lowest");
+        assert!(stall.progresses(8.999), "lower, but by less than the tolerance");
+        assert!(!stall.progresses(9.5));
     }
 }

@@ -36,7 +36,7 @@ const PLACING_STEPS: usize = 3;
 const SHORT_SOLVE_STEPS: [usize; 3] = [1, 1, 3];
 /// Ceres iterations of each of them.
 const SHORT_SOLVE_ITERATIONS: u32 = 10;
-/// As [`SolverOptions::tolerance`].
+/// [`SolverOptions::tolerance`] of a short solve.
 const SHORT_SOLVE_TOLERANCE: f64 = 3e-3;
 
 /// Steps of the free form's stage and Ceres iterations of each, at most: on the bundled sequence, the first ten iterations bring 93 % of what 65
@@ -47,12 +47,16 @@ const FREE_ITERATIONS: u32 = 10;
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
+    /// An option is out of range. The fields are its key and what to give instead.
     #[error("option {0}: {1}")]
     Option(&'static str, &'static str),
+    /// The initialisation gave no starting point.
     #[error("no start: the initialisation found no pose")]
     NoStart,
+    /// The objective cannot be built or evaluated.
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
+    /// The shape with the free form is no prior.
     #[error("the prior's free form: {0}")]
     Prior(#[from] InvalidPrior),
 }
@@ -290,6 +294,7 @@ fn check(options: &SolverOptions) -> Result<(), SolveError> {
 /// The best of the short solves.
 #[derive(Clone, Debug)]
 pub struct ShortSolves {
+    /// The variables after the best short solve.
     pub estimate: Estimate,
     /// The index of its start.
     pub chosen: usize,
@@ -297,8 +302,9 @@ pub struct ShortSolves {
     pub interrupted: bool,
     /// Per start: the objective before and after, comparable among them alone.
     pub objectives: Vec<(f64, f64)>,
+    /// The iterations of all short solves.
     pub trace: Vec<TraceRow>,
-    /// As in [`Solution::seconds`].
+    /// Stage name → seconds, as in [`Solution::seconds`].
     pub seconds: Vec<(String, f64)>,
 }
 
@@ -404,7 +410,7 @@ pub fn short_solves(
 
 /// A start on its way through the rounds of [`short_solves`].
 struct Trial {
-    /// Of the start.
+    /// The index of the start.
     index: usize,
     estimate: Estimate,
     /// At the start and now.

@@ -15,9 +15,13 @@ pub enum LinearSolver {
     /// Eliminates all poses but the target's, as the two below; for the joint strategy over blocks and
     /// the pairs of a star only.
     DenseSchur,
+    /// Ceres's `SPARSE_SCHUR`: the same elimination, with a sparse factorisation of what is left.
     SparseSchur,
+    /// Ceres's `ITERATIVE_SCHUR`: the same elimination, with conjugate gradients on what is left.
     IterativeSchur,
+    /// Ceres's `SPARSE_NORMAL_CHOLESKY`, a sparse factorisation of JᵀJ.
     SparseNormalCholesky,
+    /// Ceres's `DENSE_NORMAL_CHOLESKY`, a dense factorisation of JᵀJ.
     DenseNormalCholesky,
 }
 
@@ -25,9 +29,12 @@ pub enum LinearSolver {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
+    /// The minimum of the cubic through the last values and slopes.
     #[default]
     Cubic,
+    /// The minimum of the parabola through the last values and slopes.
     Quadratic,
+    /// The middle of the bracket.
     Bisection,
 }
 
@@ -70,6 +77,7 @@ pub enum Minimiser {
         /// Trust-region radius of the first step. Ceres's default is 1e4.
         #[serde(default = "default_trust_region_radius")]
         initial_trust_region_radius: f64,
+        /// The linear solver of every step.
         #[serde(default)]
         linear_solver: LinearSolver,
     },
@@ -78,15 +86,18 @@ pub enum Minimiser {
         /// How many past steps approximate the Hessian.
         #[serde(default = "default_lbfgs_rank")]
         rank: u32,
+        /// How the line search chooses its next trial.
         #[serde(default)]
         interpolation: Interpolation,
     },
 }
 
+/// Ceres's own trust-region radius of the first step, 1e4.
 pub const fn default_trust_region_radius() -> f64 {
     1e4
 }
 
+/// The default number of past steps that L-BFGS remembers, 20.
 pub const fn default_lbfgs_rank() -> u32 {
     20
 }
@@ -97,7 +108,7 @@ pub const fn default_lbfgs_rank() -> u32 {
 pub enum Strategy {
     /// Algorithm 1: p0, then all Δp_l, then s; α as `scale_update` says.
     Alternating,
-    /// All at once; α as `scale_update` says.
+    /// All variables at once; α as `scale_update` says.
     Joint,
 }
 
@@ -112,13 +123,13 @@ pub enum Evaluation {
     Blocks,
 }
 
-/// Where the Δp_l start.
+/// The starting values of the source frames' motion Δp_l.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MotionStart {
-    /// Where the off-the-shelf poses (Eq. 13) and the short solve left them.
+    /// The off-the-shelf poses (Eq. 13), as the short solve moved them.
     Given,
-    /// At no motion, as Zhu et al. start them.
+    /// No motion, as in Zhu et al.
     Zero,
 }
 
@@ -126,17 +137,19 @@ pub enum MotionStart {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverOptions {
-    /// The paper's is L-BFGS.
+    /// The minimiser that Ceres runs. The paper's is L-BFGS.
     pub minimiser: Minimiser,
+    /// How the objective is evaluated for Ceres.
     pub evaluation: Evaluation,
-    /// The paper's is `alternating`.
+    /// Which variables a step moves together. The paper's is `alternating`.
     pub strategy: Strategy,
+    /// Where the source frames' motion Δp_l starts.
     pub motion_start: MotionStart,
     /// How α is found: in every solver call (`variable`), or between calls by the paper's Eq. 8 (`regression`).
     pub scale_update: ScaleUpdate,
     /// Steps of Algorithm 1 per pyramid level; visibility is renewed before each.
     pub max_steps: usize,
-    /// Ceres iterations per call.
+    /// The maximum number of Ceres iterations per call.
     pub iterations_per_call: u32,
     /// δ_L: the solve stops once the objective is below.
     pub threshold: f64,

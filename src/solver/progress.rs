@@ -27,7 +27,7 @@ impl<'a> Progress<'a> {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// False to stop.
+    /// Shows a row to the observer; false once it wants to stop.
     pub fn report(&mut self, row: TraceRow) -> bool {
         let go_on = (self.observer)(&row);
         self.trace.push(row);

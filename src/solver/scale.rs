@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Off-the-shelf translations |b| below this share of the camera's distance are noise: they carry no scale.
 const NEGLIGIBLE_TRANSLATION: f64 = 1e-3;
 
-/// How α of Eq. 6 is found.
+/// The method by which α of Eq. 6 is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleUpdate {

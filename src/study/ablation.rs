@@ -6,7 +6,7 @@ use super::{Effort, Jobs, Measures, Method, Run, StudyError, Subject, Table};
 use crate::objective::ObjectiveOptions;
 use serde::Serialize;
 
-/// One change on one sequence.
+/// The record of one change to the objective on one sequence.
 #[derive(Clone, Debug, Serialize)]
 pub struct Entry {
     pub change: String,
@@ -14,8 +14,10 @@ pub struct Entry {
     pub run: Run,
 }
 
+/// The records of the ablation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ablation {
+    /// One entry per change and sequence.
     pub entries: Vec<Entry>,
 }
 

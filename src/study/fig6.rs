@@ -7,10 +7,11 @@ use std::path::Path;
 
 /// Per row of Table 1 that has depth against truth: its label and the pooled histogram.
 pub struct Fig6 {
+    /// Per method, its label and the depth errors of all sequences in one histogram.
     pub rows: Vec<(String, DepthHistogram)>,
 }
 
-/// From the records of Table 1.
+/// The figure's histograms, from the records of Table 1.
 pub fn fig6(table: &Table1) -> Fig6 {
     let rows = table.rows.iter().filter_map(|row| {
         let mut pooled: Option<DepthHistogram> = None;

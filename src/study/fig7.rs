@@ -7,7 +7,7 @@ use super::{Effort, Jobs, Measures, Method, StudyError, Subject, Table};
 use serde::Serialize;
 use std::path::Path;
 
-/// One sequence with a number of frames.
+/// Errors on one sequence with one number of frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
     pub sequence: String,
@@ -17,8 +17,10 @@ pub struct Point {
     pub cpu_seconds: f64,
 }
 
+/// The records of Fig. 7: errors against the number of frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fig7 {
+    /// One entry per sequence and number of frames.
     pub points: Vec<Point>,
 }
 
@@ -46,6 +48,7 @@ pub fn fig7(
 }
 
 impl Fig7 {
+    /// The numbers behind the figure: a row per sequence and number of frames.
     pub fn table(&self) -> Table {
         let mut table = Table::new(&[
             "sequence",

@@ -15,25 +15,27 @@ use std::sync::Arc;
 
 /// Errors of p0, the target frame's pose, at the start.
 const ANGLES_DEG: [f64; 6] = [5.0, 10.0, 15.0, 20.0, 30.0, 40.0];
-/// Of the distance.
+/// The shift of the target's camera, as a share of its distance.
 const SHIFT: f64 = 0.05;
 /// Directions of the error per sequence; no two sequences share one.
 const SEEDS: u64 = 1;
 
-/// One run.
+/// A method's error from one perturbed start.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
     pub sequence: String,
     pub method: String,
     pub start_deg: f64,
     pub seed: u64,
-    /// Of p0 at convergence.
+    /// The orientation error of p0 at convergence, degrees.
     pub orientation_error_deg: f64,
     pub location_error_percent: f64,
 }
 
+/// The records of Fig. 8: errors against the perturbation of the start.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fig8 {
+    /// One entry per sequence, method and start.
     pub points: Vec<Point>,
 }
 
@@ -133,6 +135,7 @@ pub fn fig8(
 }
 
 impl Fig8 {
+    /// The numbers behind the figure: a row per sequence, method and start.
     pub fn table(&self) -> Table {
         let mut table = Table::new(&[
             "method",

@@ -11,11 +11,12 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 /// Sees what a study does and may stop it.
-pub trait Watch: Sync {
+pub trait StudyObserver: Sync {
     /// `jobs` more are to be run, beyond those whose records are kept.
     fn planned(&self, jobs: usize);
     /// A solver's iteration within a job; false stops the study.
     fn iteration(&self, job: &str, row: &TraceRow) -> bool;
+    /// A job is done, and its record is kept.
     fn finished(&self, job: &str);
 }
 
@@ -53,7 +54,7 @@ fn build() -> u64 {
 pub struct Jobs<'a> {
     folder: PathBuf,
     build: u64,
-    watch: &'a dyn Watch,
+    observer: &'a dyn StudyObserver,
 }
 
 /// A kept record, and what it holds for.
@@ -66,12 +67,12 @@ struct Kept<T> {
 
 impl<'a> Jobs<'a> {
     /// Records are kept in `folder`.
-    pub fn new(folder: &Path, watch: &'a dyn Watch) -> Result<Self, StudyError> {
+    pub fn new(folder: &Path, observer: &'a dyn StudyObserver) -> Result<Self, StudyError> {
         std::fs::create_dir_all(folder).map_err(StudyError::io(folder))?;
         Ok(Self {
             folder: folder.to_owned(),
             build: build(),
-            watch,
+            observer,
         })
     }
 
@@ -93,7 +94,7 @@ impl<'a> Jobs<'a> {
             .zip(&keys)
             .map(|(job, key)| self.kept(&name(job), key))
             .collect();
-        self.watch
+        self.observer
             .planned(records.iter().filter(|record| record.is_none()).count());
         records
             .par_iter_mut()
@@ -102,9 +103,9 @@ impl<'a> Jobs<'a> {
             .try_for_each(|((record, job), key)| {
                 if record.is_none() {
                     let name = name(job);
-                    let made = work(job, &|row| self.watch.iteration(&name, row))?;
+                    let made = work(job, &|row| self.observer.iteration(&name, row))?;
                     *record = Some(self.keep(&name, key, made)?);
-                    self.watch.finished(&name);
+                    self.observer.finished(&name);
                 }
                 Ok::<_, StudyError>(())
             })?;
@@ -141,7 +142,7 @@ mod tests {
 
     struct Silent;
 
-    impl Watch for Silent {
+    impl StudyObserver for Silent {
         fn planned(&self, _: usize) {}
         fn iteration(&self, _: &str, _: &TraceRow) -> bool {
             true

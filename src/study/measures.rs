@@ -10,28 +10,32 @@ use serde::{Deserialize, Serialize};
 /// Means over the frames of one sequence (the depth error's over pixels), by truth where there is one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
+    /// Mean angle between estimated and true rotations, degrees.
     pub orientation_error_deg: Option<f64>,
     /// % of the object's diagonal.
     pub location_error_percent: Option<f64>,
-    /// The same two after the first camera is given and the scale fitted.
+    /// Mean orientation error after the first camera is given and the scale fitted, degrees.
     pub aligned_orientation_error_deg: Option<f64>,
+    /// Mean distance of the camera centres after that alignment, % of the object's diagonal.
     pub aligned_location_error_percent: Option<f64>,
-    /// Object units (diagonals).
+    /// Mean absolute depth error over the pixels, diagonals.
     pub depth_error: Option<f64>,
-    /// The same at the one scale that makes it least.
+    /// The depth error at the one scale of all depths that makes it least, diagonals.
     pub depth_error_at_best_scale: Option<f64>,
-    /// By the true silhouettes, or the given masks.
+    /// Mean density within the true silhouettes, or within the given masks.
     pub density: Option<f64>,
+    /// Mean IoU with the true silhouettes, or with the given masks.
     pub silhouette_iou: Option<f64>,
     /// % of the object's diagonal.
     pub chamfer_percent: Option<f64>,
-    /// Rotation error against a turning platform.
+    /// Mean rotation error against a turning platform, degrees ("turn error" in tables).
     pub turn_error_deg: Option<f64>,
+    /// The absolute depth errors of all pixels, where the truth is known.
     pub depth_errors: Option<DepthHistogram>,
 }
 
 impl Measures {
-    /// Of cameras and a shape for the frames of `sequence`, in their order.
+    /// The measures of cameras and a shape for the frames of `sequence`, in their order.
     pub fn of_estimate(
         sequence: &Sequence,
         platform: Option<&Platform>,
@@ -54,7 +58,7 @@ impl Measures {
         measures
     }
 
-    /// Of the off-the-shelf poses and depth themselves.
+    /// The measures of the off-the-shelf poses and depth themselves.
     pub fn of_input(sequence: &Sequence, platform: Option<&Platform>) -> Self {
         let mut measures = Estimated::of_input(sequence, sequence, |_| true)
             .map(|input| Self::against_truth(sequence, &input))
@@ -127,7 +131,7 @@ pub(super) fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// How many pixels have which depth error.
+/// A histogram of absolute depth errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthHistogram {
     /// Bin i counts errors in \[i, i + 1) · [`DepthHistogram::BIN`]; the last one all beyond.

@@ -13,19 +13,23 @@ const ZHU: &str = include_str!("../../data/zhu.toml");
 pub struct Method {
     /// Short, for files.
     pub name: String,
+    /// The name in tables and figures.
     pub label: String,
+    /// The configuration that is the method.
     pub config: Config,
 }
 
-/// How much of a study is done.
+/// How much work a study does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
+    /// Everything, as in the paper's tables.
     Full,
     /// Minutes, to see that all works; the figures mean nothing.
     Quick,
 }
 
 impl Method {
+    /// A method of this file name, label and configuration.
     pub fn new(name: &str, label: &str, config: Config) -> Self {
         Self {
             name: name.to_owned(),
@@ -34,7 +38,7 @@ impl Method {
         }
     }
 
-    /// The defaults.
+    /// This library's defaults.
     pub fn ours() -> Self {
         Self::new("ours", "ours", Config::default())
     }
@@ -47,13 +51,13 @@ impl Method {
         Self::new("ours-lbfgs", "ours, alternating L-BFGS", config)
     }
 
-    /// `data/paper.toml`.
+    /// The method as the paper describes it: `data/paper.toml`.
     pub fn paper() -> Result<Self, StudyError> {
         let config = toml::from_str(PAPER)?;
         Ok(Self::new("paper", "as in the paper", config))
     }
 
-    /// `data/zhu.toml`.
+    /// Zhu et al.: `data/zhu.toml`.
     pub fn zhu() -> Result<Self, StudyError> {
         Ok(Self::new("zhu", "Zhu et al.", toml::from_str(ZHU)?))
     }

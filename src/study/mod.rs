@@ -27,7 +27,7 @@ pub use fig3::{Fig3, fig3};
 pub use fig6::{Fig6, fig6};
 pub use fig7::{Fig7, fig7};
 pub use fig8::{Fig8, fig8};
-pub use jobs::{Jobs, Watch};
+pub use jobs::{Jobs, StudyObserver};
 pub use measures::{DepthHistogram, Measures};
 pub use method::{Effort, Method};
 pub use perturbed::{perturbed_pose, perturbed_start};
@@ -40,41 +40,72 @@ use std::path::{Path, PathBuf};
 /// Why a study has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
+    /// A file cannot be read or written.
     #[error("{}: {problem}", path.display())]
-    Io { path: PathBuf, problem: std::io::Error },
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        problem: std::io::Error,
+    },
+    /// A figure cannot be drawn.
     #[error("{}: cannot draw: {reason}", path.display())]
-    Plot { path: PathBuf, reason: String },
+    Plot {
+        /// The figure's file.
+        path: PathBuf,
+        /// What went wrong.
+        reason: String,
+    },
+    /// The caller stopped the study; finished records are kept.
     #[error("interrupted; the same command goes on from here")]
     Interrupted,
+    /// A sequence cannot be loaded.
     #[error("{name}: {source}")]
     Sequence {
+        /// The sequence's name.
         name: String,
+        /// What went wrong.
         source: Box<crate::sequence::SequenceError>,
     },
+    /// The description of a turning platform cannot be used.
     #[error("{name}: {source}")]
     Platform {
+        /// The sequence's name.
         name: String,
+        /// What went wrong.
         source: crate::eval::PlatformError,
     },
+    /// A sequence gives no starting point.
     #[error("{name}: {source}")]
     Init {
+        /// The sequence's name.
         name: String,
+        /// What went wrong.
         source: crate::init::InitError,
     },
+    /// A method finds no solution.
     #[error("{name}: {source}")]
     Solve {
+        /// The sequence's and the method's name.
         name: String,
+        /// What went wrong.
         source: crate::solver::SolveError,
     },
+    /// The objective cannot be evaluated.
     #[error("{name}: {source}")]
     Objective {
+        /// The sequence's name.
         name: String,
+        /// What went wrong.
         source: crate::objective::ObjectiveError,
     },
+    /// A prior cannot be loaded.
     #[error(transparent)]
     Prior(#[from] crate::prior::PriorError),
+    /// A bundled configuration cannot be read.
     #[error("a configuration that ships: {0}")]
     Shipped(#[from] toml::de::Error),
+    /// A record cannot be written as JSON.
     #[error("{0}")]
     Record(#[from] serde_json::Error),
 }

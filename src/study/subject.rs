@@ -16,16 +16,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// One sequence.
+/// A sequence that a study runs on.
 pub struct Subject {
+    /// The sequence's name in tables.
     pub name: String,
+    /// The frames, and the truth where it is known.
     pub sequence: Sequence,
-    /// Of a natural sequence.
+    /// The turning platform of a natural sequence; `None` for others.
     pub platform: Option<Platform>,
     digest: u64,
 }
 
-/// Where all methods start.
+/// The starting points of all methods on a subject.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The hypothesis whose template fits the masks best, as the paper starts; the mean style.
@@ -39,13 +41,21 @@ pub struct Start {
 pub struct Run {
     /// Before the free form, in the prior's frame.
     pub joint: Estimate,
+    /// The final variables, canonical object frame.
     pub estimate: Estimate,
+    /// The errors of `estimate` and its shape.
     pub measures: Measures,
+    /// The objective before the first iteration.
     pub objective_start: ObjectiveValue,
+    /// The objective after the last iteration.
     pub objective_end: ObjectiveValue,
+    /// Evaluations counted by Ceres.
     pub evaluations: Evaluations,
+    /// Ceres iterations.
     pub iterations: usize,
+    /// Why the solve stopped.
     pub termination: Termination,
+    /// Processor seconds of the solve, the free form's included.
     pub cpu_seconds: f64,
 }
 
@@ -77,7 +87,7 @@ impl Subject {
         })
     }
 
-    /// Of all that a solve or a measure can depend on.
+    /// A digest of all that a solve or a measure can depend on.
     pub(super) fn digest(&self) -> u64 {
         self.digest
     }
@@ -222,7 +232,7 @@ pub(super) fn short_solves(
     }
 }
 
-/// Of a prior's file; none for a bundled prior, which the build's digest holds.
+/// A digest of a prior's file; `None` for a bundled prior, which the build's digest holds.
 pub(super) fn prior_digest(name_or_path: &str) -> Option<u64> {
     let bytes = std::fs::read(name_or_path).ok()?;
     let mut hasher = DefaultHasher::new();
@@ -230,7 +240,7 @@ pub(super) fn prior_digest(name_or_path: &str) -> Option<u64> {
     Some(hasher.finish())
 }
 
-/// Of all that a solve or a measure can depend on.
+/// A digest of all that a solve or a measure can depend on.
 fn digest(sequence: &Sequence) -> u64 {
     let mut hasher = DefaultHasher::new();
     for deviation in [sequence.motion_deviation, sequence.focal_deviation] {

@@ -3,11 +3,14 @@
 /// Rows of cells under headings; the first column is text, the others numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
+    /// The columns' headings.
     pub headings: Vec<String>,
+    /// The cells, row by row, each row as long as `headings`.
     pub rows: Vec<Vec<String>>,
 }
 
 impl Table {
+    /// A table of these columns without rows.
     pub fn new(headings: &[&str]) -> Self {
         Self {
             headings: headings.iter().map(|&heading| heading.to_owned()).collect(),
@@ -51,6 +54,7 @@ impl Table {
             .collect()
     }
 
+    /// The table in GitHub's Markdown.
     pub fn markdown(&self) -> String {
         let line = |row: &[String]| format!("| {} |\n", row.join(" | "));
         let rule = format!("|{}\n", "---|".repeat(self.headings.len()));

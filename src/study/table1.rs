@@ -53,13 +53,14 @@ pub struct Entry {
     pub sequence: String,
     pub kind: SequenceKind,
     pub measures: Measures,
-    /// Of a solve.
+    /// The processor time of a solve, seconds; `None` for what is not a solve.
     pub run: Option<Run>,
 }
 
 /// All records of the table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Table1 {
+    /// The rows, in the printed order.
     pub rows: Vec<Row>,
 }
 

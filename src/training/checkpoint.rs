@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 pub(super) struct Checkpoint {
-    /// Steps done.
+    /// The number of steps done.
     pub step: usize,
     network: Vec<u8>,
     optimiser: Vec<u8>,

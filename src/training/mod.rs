@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 /// How long to train, how fast, and where the state is kept.
 #[derive(Clone, Debug)]
 pub struct Plan {
+    /// The number of steps in all.
     pub steps: usize,
     /// Adam's rate at the first and at the last step; geometric between.
     pub learning_rate: [f64; 2],
@@ -22,7 +23,7 @@ pub struct Plan {
     pub of: String,
 }
 
-/// Steps between checkpoints.
+/// The number of steps between checkpoints.
 const KEEP_EVERY: usize = 500;
 /// Steps between looks at the loss.
 const SEE_EVERY: usize = 25;
@@ -30,14 +31,28 @@ const SEE_EVERY: usize = 25;
 /// Why training ended without a network; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
+    /// The caller stopped training, and its state was kept.
     #[error("interrupted at step {step}; its state is in {}: the same command with --resume goes on", path.display())]
-    Interrupted { path: PathBuf, step: usize },
+    Interrupted {
+        /// The checkpoint.
+        path: PathBuf,
+        /// The next step.
+        step: usize,
+    },
+    /// The caller stopped training, and no checkpoint was asked for. The field is the step.
     #[error("interrupted at step {0}")]
     InterruptedForGood(usize),
+    /// The loss is infinite or not a number. The field is the step.
     #[error("the loss at step {0} is no number: lower the learning rate")]
     NotFinite(usize),
+    /// A checkpoint cannot be read or written.
     #[error("{}: {reason}", path.display())]
-    Checkpoint { path: PathBuf, reason: String },
+    Checkpoint {
+        /// The checkpoint.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
 }
 
 /// Trains `model`: `loss` is what a step descends, given its number, from which it must draw all that is random, so that a

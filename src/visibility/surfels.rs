@@ -27,7 +27,7 @@ pub struct Surfels {
 struct Disc {
     /// Unit, object frame; its sign carries no meaning.
     normal: Vector3<f64>,
-    /// Object units.
+    /// The radius of each disc, object units.
     radius: f64,
     /// Root mean square distance of the neighbours from the tangent plane, object units.
     scatter: f64,

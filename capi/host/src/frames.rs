@@ -14,14 +14,20 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 /// `spba_format`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
+    /// Three interleaved bytes a pixel, red first, 0 to 255.
     RgbU8,
+    /// Three interleaved bytes a pixel, blue first, as OpenCV has them.
     BgrU8,
+    /// Three interleaved floats a pixel, red first, 0 to 255.
     RgbF32,
+    /// One byte a pixel.
     GreyU8,
+    /// One float a pixel.
     GreyF32,
 }
 
 impl Format {
+    /// The format of C's number; `None` where there is none.
     pub fn of(number: u32) -> Option<Self> {
         [
             Self::RgbU8,
@@ -34,6 +40,7 @@ impl Format {
         .nth(number as usize)
     }
 
+    /// The bytes of one pixel.
     pub fn pixel_bytes(self) -> usize {
         match self {
             Self::RgbU8 | Self::BgrU8 => 3,
@@ -47,9 +54,13 @@ impl Format {
 /// A host's picture: rows of pixels, `row_stride` bytes apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Raster<'a> {
+    /// How a pixel is laid out.
     pub format: Format,
+    /// Pixels in a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Bytes from the start of one row to that of the next.
     pub row_stride: usize,
     /// (height − 1) · row_stride + width · pixel_bytes of them.
     pub bytes: &'a [u8],
@@ -147,7 +158,9 @@ fn float(bytes: &[u8]) -> f32 {
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct CPose {
+    /// The rotation as a unit quaternion, the real part first.
     pub quaternion_wxyz: [f64; 4],
+    /// The translation, in units of the frame that the pose leads to.
     pub translation: [f64; 3],
 }
 
@@ -184,11 +197,17 @@ impl CPose {
 
 /// One frame as a host gives it.
 pub struct Given<'a> {
+    /// The frame's name; `None` numbers it.
     pub name: Option<&'a str>,
+    /// The colour image; every frame must have one.
     pub image: Option<Raster<'a>>,
+    /// The mask, white on the object; every frame must have one.
     pub mask: Option<Raster<'a>>,
+    /// z in world units, 0 = unknown; `None` without depth.
     pub depth: Option<Raster<'a>>,
+    /// The intrinsics, pixels; the centre of the top-left pixel is (0.5, 0.5).
     pub camera: Pinhole,
+    /// The off-the-shelf pose: x_cam = R x_world + t; `None` without one.
     pub cam_from_world: Option<CPose>,
 }
 

@@ -10,9 +10,13 @@ use tracing::{Event, Level, Metadata, Subscriber};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
 pub enum Severity {
+    /// What only whoever looks for a fault needs.
     Debug = 0,
+    /// How the solve goes.
     Info = 1,
+    /// Something that a user should know but need not mend.
     Warning = 2,
+    /// Why a call failed.
     Error = 3,
 }
 
@@ -23,6 +27,7 @@ pub struct Sink<F> {
 }
 
 impl<F: Fn(Severity, &str) + Send + Sync + 'static> Sink<F> {
+    /// A subscriber that calls `send` with the severity and the text of each message.
     pub fn new(send: F) -> Self {
         Self {
             send,

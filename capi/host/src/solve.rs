@@ -3,7 +3,7 @@
 use crate::fault::Fault;
 use crate::frames::Frames;
 use crate::log::Sink;
-use crate::watch::{LogSink, Observer, Watch};
+use crate::observer::{LogSink, Observer, SerialObserver};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use spba_ceres::config::{Config, InputOptions, StartOptions};
 use spba_ceres::geometry::Similarity;
@@ -20,11 +20,13 @@ use tracing::dispatcher::with_default;
 
 /// What a solve found, and what follows from it.
 pub struct Solved {
+    /// The variables, the objective and the trace.
     pub solution: Solution,
     /// `None` where no frame has a pose.
     pub object_from_world: Option<Similarity>,
     /// xyz after xyz, object frame.
     pub points: Vec<f64>,
+    /// Outward unit normals of the points, xyz after xyz, object frame.
     pub normals: Vec<f64>,
     /// Indices of points, three a face.
     pub faces: Vec<u32>,
@@ -84,8 +86,8 @@ pub fn solve(
         }))
     });
     let sequence = frames.sequence()?;
-    let watch = Watch::new(observer);
-    pool(threads, &dispatch)?.install(|| solve_here(&sequence, prior, config, threads, &watch))
+    let observer = SerialObserver::new(observer);
+    pool(threads, &dispatch)?.install(|| solve_here(&sequence, prior, config, threads, &observer))
 }
 
 /// As `threads` says; one a core where it is 0.
@@ -115,7 +117,7 @@ fn solve_here(
     learned: &Arc<LearnedPrior>,
     config: &Config,
     threads: usize,
-    watch: &Watch,
+    observer: &SerialObserver,
 ) -> Result<Solved, Fault> {
     let prior: Arc<dyn ShapePrior> = learned.clone();
     let target = config
@@ -124,7 +126,7 @@ fn solve_here(
         .map_err(|error| Fault::Target(error.to_string()))?;
     let mean = vec![0.0; prior.style_len()];
     let starts = initialise_while(
-        &|| watch.initialising(),
+        &|| observer.initialising(),
         sequence,
         prior.as_ref(),
         &mean,
@@ -142,7 +144,7 @@ fn solve_here(
         &starts,
         &config.objective,
         &options,
-        &|row| watch.see(row),
+        &|row| observer.see(row),
     )?;
     Ok(Solved::new(sequence, learned, solution))
 }

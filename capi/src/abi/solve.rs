@@ -5,8 +5,8 @@ use super::{free, give, guarded, reference, sized, text};
 use spba_ceres::config::Config;
 use spba_host::frames::Frames;
 use spba_host::log::Severity;
+use spba_host::observer::{LogSink, Observer, Progress};
 use spba_host::solve::{self, Solved};
-use spba_host::watch::{LogSink, Observer, Progress};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 

@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr double kMostSeconds = 2 * 0.5;
+constexpr double kMaxSeconds = 2 * 0.5;
 
 double ProcessorSeconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
@@ -36,7 +36,7 @@ bool EndsSoon(const spba::Sequence& sequence, const spba::Prior& prior, const st
   }
   const double seconds = ProcessorSeconds() - stopped;
   std::printf("%s, call %d: %.2f s\n", stage.c_str(), call, seconds);
-  return seconds <= kMostSeconds;
+  return seconds <= kMaxSeconds;
 }
 
 }  // namespace

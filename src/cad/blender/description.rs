@@ -1,6 +1,6 @@
 //! What Blender is told: `scene.json` and one PNG a texture. Object frame; lengths in object diagonals.
 
-use super::super::render::{HOLE, Light, NEAR, UNPAINTED, View, corner_normals, is_hole};
+use super::super::render::{HOLE, Light, NEAR, UNPAINTED, Viewpoint, corner_normals, is_hole};
 use super::super::{CadError, Material, Mesh, Texture};
 use super::failed;
 use nalgebra::Vector3;
@@ -18,15 +18,15 @@ struct Description {
     samples: usize,
     /// Nearer surfaces are not drawn.
     near: f64,
-    /// Less opaque surfaces are not drawn.
+    /// The opacity below which surfaces are not drawn.
     hole: f32,
-    /// Per triangle three corners, x y z each.
+    /// The positions of three corners a triangle, x y z each.
     corners: Vec<f64>,
-    /// Likewise.
+    /// The normals of three corners a triangle, x y z each.
     normals: Vec<f64>,
-    /// Per triangle three corners, u v each.
+    /// The texture coordinates of three corners a triangle, u v each.
     texture_coordinates: Vec<f32>,
-    /// Per triangle, into `materials`.
+    /// An index into `materials` a triangle.
     material: Vec<usize>,
     materials: Vec<Surface>,
     views: Vec<Shot>,
@@ -60,7 +60,7 @@ struct ObjectLight {
 /// Writes all that `render.py` reads. The views are of one size and have square pixels.
 pub(super) fn write(
     mesh: &Mesh,
-    shots: &[(View, Light)],
+    shots: &[(Viewpoint, Light)],
     samples_per_axis: usize,
     folder: &Path,
 ) -> Result<(), CadError> {
@@ -104,7 +104,7 @@ pub(super) fn write(
     })
 }
 
-fn shot((view, light): &(View, Light)) -> Shot {
+fn shot((view, light): &(Viewpoint, Light)) -> Shot {
     let (pose, light) = (
         &view.camera_from_object,
         light.in_object(&view.camera_from_object),

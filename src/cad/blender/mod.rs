@@ -5,7 +5,7 @@
 
 mod description;
 
-use super::render::{Light, Rendering, View};
+use super::render::{Light, Rendering, Viewpoint};
 use super::{CadError, Mesh};
 use crate::image::{DepthMap, Grid, one_line};
 use exr::prelude::{AnyChannels, FlatSamples, Image, Layer, read_first_flat_layer_from_file};
@@ -28,7 +28,7 @@ impl Pictures {
     /// Draws every view, all of one size, under its light with `samples_per_axis`² rays a pixel.
     pub(super) fn of(
         mesh: &Mesh,
-        shots: &[(View, Light)],
+        shots: &[(Viewpoint, Light)],
         samples_per_axis: usize,
     ) -> Result<Self, CadError> {
         let folder = tempfile::Builder::new()

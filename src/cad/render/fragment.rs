@@ -1,7 +1,7 @@
 //! The z-buffer: which triangle each sample sees, and where on it.
 
 use super::super::{Mesh, Triangle};
-use super::{View, surface};
+use super::{Viewpoint, surface};
 use crate::image::Grid;
 use nalgebra::{Vector2, Vector3};
 
@@ -31,7 +31,7 @@ struct Corner {
 }
 
 impl Fragments {
-    pub(super) fn of(mesh: &Mesh, view: &View) -> Self {
+    pub(super) fn of(mesh: &Mesh, view: &Viewpoint) -> Self {
         let mut fragments = Self {
             hits: Grid::filled(view.width, view.height, None),
         };
@@ -63,7 +63,14 @@ impl Fragments {
         self.hits.get(column, row).copied().flatten()
     }
 
-    fn fill(&mut self, mesh: &Mesh, view: &View, index: usize, triangle: &Triangle, corners: [Corner; 3]) {
+    fn fill(
+        &mut self,
+        mesh: &Mesh,
+        view: &Viewpoint,
+        index: usize,
+        triangle: &Triangle,
+        corners: [Corner; 3],
+    ) {
         let inverse = corners.map(|corner| 1.0 / corner.in_camera.z);
         let pixels: [Vector2<f64>; 3] = std::array::from_fn(|i| {
             let at = corners[i].in_camera * inverse[i];

@@ -19,16 +19,16 @@ use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use fragment::Fragments;
 use nalgebra::Vector3;
 
-/// Where the mesh is seen from.
+/// A camera, its pose and the size of its image.
 #[derive(Clone, Copy, Debug)]
-pub struct View {
+pub struct Viewpoint {
     pub camera: Pinhole,
     pub camera_from_object: Pose,
     pub width: usize,
     pub height: usize,
 }
 
-/// What is seen. All rasters have the view's size.
+/// What a viewpoint shows. All rasters have its size.
 #[derive(Clone, Debug)]
 pub struct Rendering {
     /// RGB in \[0, 255\], black where nothing covers; premultiplied by `coverage`.
@@ -59,9 +59,9 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    pub fn render(&self, view: &View, light: &Light) -> Rendering {
+    pub fn render(&self, view: &Viewpoint, light: &Light) -> Rendering {
         let samples = self.samples_per_axis;
-        let fine = View {
+        let fine = Viewpoint {
             camera: view.camera.scaled(samples as f64, samples as f64),
             width: view.width * samples,
             height: view.height * samples,
@@ -99,16 +99,6 @@ impl<'a> Renderer<'a> {
             }),
         }
     }
-}
-
-/// z at the pixel centres alone: what visibility and outside points need, without shading.
-pub fn depth(mesh: &Mesh, view: &View) -> DepthMap {
-    let fragments = Fragments::of(mesh, view);
-    Grid::from_fn(view.width, view.height, |column, row| {
-        fragments
-            .hit((column, row))
-            .map_or(0.0, |hit| (1.0 / hit.inverse_depth) as f32)
-    })
 }
 
 #[cfg(test)]

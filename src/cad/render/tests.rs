@@ -9,8 +9,8 @@ const FLAT: Light = Light {
     diffuse: 0.0,
 };
 
-fn view(width: usize, height: usize) -> View {
-    View {
+fn view(width: usize, height: usize) -> Viewpoint {
+    Viewpoint {
         camera: Pinhole {
             fx: 100.0,
             fy: 100.0,
@@ -91,7 +91,6 @@ fn depth_is_exact_at_pixel_centres_of_a_slanted_plane() {
             "{column}"
         );
     }
-    assert_eq!(depth(&mesh, &view), rendering.depth);
 }
 
 #[test]
@@ -137,7 +136,10 @@ fn the_nearer_surface_hides_and_transparent_texels_do_not() {
     for (alpha, expected) in [(1.0, 1.0), (0.0, 2.0)] {
         let mut mesh = square(0.4, [2.0; 4], None);
         mesh.append(near(alpha));
-        assert_eq!(depth(&mesh, &view(20, 20))[(10, 10)], expected);
+        assert_eq!(
+            Renderer::new(&mesh, 1).render(&view(20, 20), &FLAT).depth[(10, 10)],
+            expected
+        );
     }
 }
 
@@ -149,7 +151,7 @@ fn surfaces_across_the_near_plane_are_clipped() {
         vertex.x *= 4.0;
         vertex.y = 0.5;
     }
-    let map = depth(&mesh, &view(40, 60));
+    let map = Renderer::new(&mesh, 1).render(&view(40, 60), &FLAT).depth;
     assert_eq!(map[(20, 20)], 0.0);
     // Row 55.5 − 30 = 25.5 px down: z = 0.5 · 100 / 25.5.
     assert!((f64::from(map[(20, 55)]) - 50.0 / 25.5).abs() < 1e-6);

@@ -9,14 +9,19 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
+    /// The seed of everything random: noise, holes, blotches, jitter. The same file and seed give the same bytes.
     pub seed: u64,
     /// Must leave exactly one model.
     pub model: SourceSpec,
+    /// The camera's path about the object.
     pub arc: Arc,
+    /// The camera's image size and intrinsics.
     #[serde(default)]
     pub camera: Camera,
+    /// The light and how it changes over the sequence.
     #[serde(default)]
     pub light: Lighting,
+    /// What stands behind the object.
     #[serde(default)]
     pub background: Background,
     /// Standard deviation of the lens's Gaussian blur, pixels; the sensor's noise comes after it.
@@ -34,8 +39,10 @@ pub struct Scene {
     /// Points of the true shape, at most.
     #[serde(default = "default_truth_points")]
     pub truth_points: usize,
+    /// The noise and the frame of the simulated off-the-shelf poses.
     #[serde(default)]
     pub input: SimulatedInput,
+    /// The holes and the noise of the simulated off-the-shelf depth.
     #[serde(default)]
     pub depth: SimulatedDepth,
 }
@@ -55,13 +62,18 @@ pub enum Via {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arc {
+    /// The number of frames.
     pub frames: usize,
-    /// Of the first and the last frame; 0 looks at the front, 90 at the object's right side.
+    /// Azimuths of the first and the last frame, degrees; 0 looks at the front, 90 at the object's right side.
     pub azimuth_deg: [f64; 2],
+    /// The camera's height above the object's horizontal plane, degrees.
     pub elevation_deg: f64,
+    /// The distance of the camera's centre from the object's, diagonals.
     pub distance: f64,
+    /// The frame rate, from which the timestamps come.
     #[serde(default = "default_frames_per_second")]
     pub frames_per_second: f64,
+    /// The random deviation of single frames from the path.
     #[serde(default)]
     pub jitter: Jitter,
 }
@@ -70,21 +82,25 @@ pub struct Arc {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Jitter {
-    /// Of azimuth, elevation and roll.
+    /// Standard deviation of azimuth, elevation and roll, degrees.
     pub angle_deg: f64,
-    /// Share of the distance.
+    /// Standard deviation of the distance, as a share of it.
     pub distance: f64,
-    /// Shift of the camera across its line of sight.
+    /// Standard deviation of the camera's shift across its line of sight, diagonals.
     pub aim: f64,
-    /// Share of the focal length.
+    /// Standard deviation of the focal length, as a share of it.
     pub zoom: f64,
 }
 
+/// The camera of all frames, a pinhole with square pixels.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {
+    /// The width of the image, pixels.
     pub width_px: usize,
+    /// The height of the image, pixels.
     pub height_px: usize,
+    /// The focal length, pixels.
     pub focal_px: f64,
     /// Off the middle, so that a mistake in it shows. The centre of the top-left pixel is (0.5, 0.5).
     pub principal_px: [f64; 2],
@@ -110,10 +126,11 @@ pub struct Background {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulatedInput {
+    /// The number of input units in one diagonal of the object.
     pub scale: f64,
-    /// Axis times angle.
+    /// The rotation R as axis times angle, degrees.
     pub rotation_deg: [f64; 3],
-    /// In input units.
+    /// The origin of the object frame in the input's frame, input units.
     pub translation: [f64; 3],
     /// Standard deviation of each frame's rotation about the object's centre, per axis.
     pub rotation_noise_deg: f64,
@@ -126,7 +143,7 @@ pub struct SimulatedInput {
 #[serde(deny_unknown_fields, default)]
 pub struct SimulatedDepth {
     /// Only pixels with at least this gradient have depth, grey levels per pixel.
-    pub least_gradient: f64,
+    pub min_gradient: f64,
     /// Share of the picture lost to blotchy holes.
     pub holes: f64,
     /// Standard deviation, share of z.
@@ -174,7 +191,7 @@ impl Default for SimulatedInput {
 impl Default for SimulatedDepth {
     fn default() -> Self {
         Self {
-            least_gradient: 6.0,
+            min_gradient: 6.0,
             holes: 0.25,
             noise: 0.005,
             outliers: 0.05,
@@ -327,11 +344,7 @@ impl Scene {
             "give 0 to below 1",
         )?;
         let depth = &self.depth;
-        require(
-            depth.least_gradient >= 0.0,
-            "depth.least_gradient",
-            "give 0 or more",
-        )?;
+        require(depth.min_gradient >= 0.0, "depth.min_gradient", "give 0 or more")?;
         require(
             (0.0..0.3).contains(&depth.noise),
             "depth.noise",

@@ -37,7 +37,7 @@ pub(super) fn depth(scene: &Scene, index: usize, image: &RgbImage, rendering: &R
         // Drawn for every pixel, so that one pixel's fate does not move the others'.
         let (chance, error, error_size) = (random.uniform(), random.normal(), random.uniform());
         let hole = blotches(key, column as f64 / HOLE_PX, row as f64 / HOLE_PX) < options.holes;
-        if hole || gradient(image, column, row) < options.least_gradient {
+        if hole || gradient(image, column, row) < options.min_gradient {
             return 0.0;
         }
         let true_z = f64::from(rendering.depth[(column, row)]);

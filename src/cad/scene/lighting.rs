@@ -8,10 +8,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Lighting {
+    /// The frame that `direction` is given in.
     pub fixed_to: LightFrame,
     /// Towards the light, in the frame that it is fixed to; any length but 0.
     pub direction: [f64; 3],
+    /// The brightness of a surface that faces away from the light, as a share of its colour.
     pub ambient: f64,
+    /// What the light adds where it falls straight onto the surface, as a share of its colour.
     pub diffuse: f64,
     /// Turn of `direction` in the first and the last frame about the vertical (y) axis of the frame that it is fixed to,
     /// clockwise as seen from above: the way azimuths grow.

@@ -13,11 +13,11 @@ mod outside;
 pub use benchmark::{Benchmark, renderer_digest};
 pub use config::{Arc, Background, Camera, Jitter, Scene, SimulatedDepth, SimulatedInput, Via};
 pub use lighting::Lighting;
-pub use outside::outside_points;
+pub(crate) use outside::outside_points;
 
 use super::blender::Pictures;
 use super::random::Random;
-use super::render::{Light, Renderer, Rendering, View};
+use super::render::{Light, Renderer, Rendering, Viewpoint};
 use super::{CadError, Mesh, load_source, orbit};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
 use crate::image::{DepthMap, Grid, RgbImage, blur};
@@ -55,20 +55,20 @@ pub fn synthesise(scene: &Scene, name: &str) -> Result<Sequence, CadError> {
 /// # Errors
 /// A background image that cannot be read, or a Blender that is asked for and does not run.
 pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError> {
-    let shots: Vec<(View, Light)> = (0..scene.arc.frames).map(|index| shot(scene, index)).collect();
+    let shots: Vec<(Viewpoint, Light)> = (0..scene.arc.frames).map(|index| shot(scene, index)).collect();
     let backdrop = background::paint(scene)?;
     // A rendering lives no longer than its frame's turn: those of many frames would not fit into memory.
     let exposed: Vec<(Frame, DepthMap)> = match scene.via {
         Via::Own => {
             let renderer = Renderer::new(mesh, scene.samples_per_axis);
-            let frame = |(index, (view, light)): (usize, &(View, Light))| {
+            let frame = |(index, (view, light)): (usize, &(Viewpoint, Light))| {
                 expose(scene, index, view, renderer.render(view, light), &backdrop)
             };
             shots.par_iter().enumerate().map(frame).collect()
         }
         Via::Blender => {
             let pictures = Pictures::of(mesh, &shots, scene.samples_per_axis)?;
-            let frame = |(index, (view, _)): (usize, &(View, Light))| {
+            let frame = |(index, (view, _)): (usize, &(Viewpoint, Light))| {
                 Ok(expose(scene, index, view, pictures.rendering(index)?, &backdrop))
             };
             let frames = shots.par_iter().enumerate().map(frame);
@@ -90,7 +90,7 @@ pub fn film(scene: &Scene, mesh: &Mesh, name: &str) -> Result<Sequence, CadError
 }
 
 /// What is rendered for one frame.
-fn shot(scene: &Scene, index: usize) -> (View, Light) {
+fn shot(scene: &Scene, index: usize) -> (Viewpoint, Light) {
     let (arc, jitter) = (&scene.arc, &scene.arc.jitter);
     let mut random = Random::new(scene.seed, stream::CAMERA, index as u64);
     let share = index as f64 / (arc.frames.max(2) - 1) as f64;
@@ -107,7 +107,7 @@ fn shot(scene: &Scene, index: usize) -> (View, Light) {
         translation: Vector3::new(random.normal(), random.normal(), 0.0) * jitter.aim,
     };
     let zoom = 1.0 + jitter.zoom * random.normal();
-    let view = View {
+    let view = Viewpoint {
         camera: Pinhole {
             fx: scene.camera.focal_px * zoom,
             fy: scene.camera.focal_px * zoom,
@@ -125,7 +125,7 @@ fn shot(scene: &Scene, index: usize) -> (View, Light) {
 fn expose(
     scene: &Scene,
     index: usize,
-    view: &View,
+    view: &Viewpoint,
     rendering: Rendering,
     backdrop: &RgbImage,
 ) -> (Frame, DepthMap) {

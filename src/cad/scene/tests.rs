@@ -51,7 +51,7 @@ fn without_noise_the_input_is_the_truth_in_another_frame() {
     scene.input.rotation_noise_deg = 0.0;
     scene.input.translation_noise = 0.0;
     scene.depth = SimulatedDepth {
-        least_gradient: 0.0,
+        min_gradient: 0.0,
         holes: 0.0,
         noise: 0.0,
         outliers: 0.0,
@@ -107,7 +107,7 @@ fn true_depth_and_pose_put_every_pixel_on_the_box() {
 #[test]
 fn depth_noise_is_as_asked() {
     let mut scene = scene("");
-    scene.depth.least_gradient = 0.0;
+    scene.depth.min_gradient = 0.0;
     let sequence = film(&scene, &cuboid(HALF), "box").unwrap();
     let truth = sequence.truth.clone().unwrap();
     let (mut object, mut given, mut wrong, mut off, mut squares) = (0, 0, 0, 0, 0.0);

@@ -36,9 +36,9 @@ pub(super) struct List {
 pub(super) struct Job {
     /// A file name without extension.
     pub name: String,
-    /// As from the current folder.
+    /// The input's path from the current folder.
     pub input: PathBuf,
-    /// Of `solve`, besides `--out`.
+    /// The options of `solve`, besides `--out`.
     pub options: Vec<String>,
 }
 

@@ -51,7 +51,7 @@ struct Learn {
     /// Surfaces: also write the template drawn onto each model, an OBJ file each, to this folder.
     #[arg(long, requires = "template")]
     meshes: Option<PathBuf>,
-    /// S.
+    /// The number of style entries S
     #[arg(long, default_value_t = 16)]
     styles: usize,
     /// N, the number of points (even: mirrored pairs).

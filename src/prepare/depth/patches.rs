@@ -4,7 +4,7 @@ use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::Grid;
 
 /// Product of two variances, in grey levels to the fourth, below which a correlation is noise.
-const LEAST_SPREAD: f32 = 1e-2;
+const MIN_VARIANCE_PRODUCT: f32 = 1e-2;
 
 /// Fills `warped` with what another frame sees on the plane at this inverse depth before the target, for the target's pixels from
 /// \[left, top\] on; NaN beyond the other's border.
@@ -63,7 +63,7 @@ pub struct Scratch {
 pub struct Patches {
     gray: Grid<f32>,
     radius_px: usize,
-    /// One over the pixels of each patch.
+    /// The reciprocal of the number of a patch's pixels.
     weight: Vec<f32>,
     mean: Vec<f32>,
     variance: Vec<f32>,
@@ -97,7 +97,7 @@ impl Patches {
         }
     }
 
-    /// Of the patch around pixel `i`, in grey levels squared.
+    /// The variance of the patch around pixel `i`, grey levels squared.
     pub fn variance(&self, i: usize) -> f32 {
         self.variance[i]
     }
@@ -135,7 +135,7 @@ impl Patches {
             let spread = self.variance[i].max(0.0) * (squares[i] * weight - mean * mean).max(0.0);
             tell(
                 k,
-                if seen && spread >= LEAST_SPREAD {
+                if seen && spread >= MIN_VARIANCE_PRODUCT {
                     (products[i] * weight - self.mean[i] * mean) / spread.sqrt()
                 } else {
                     -1.0

@@ -45,10 +45,10 @@ impl Sides {
 }
 
 /// Detections below this score start and continue nothing.
-const LEAST_SCORE: f64 = 0.2;
+const MIN_SCORE: f64 = 0.2;
 /// Overlap from frame to frame counts so many times a score of 1: an object that stays beats one that is surer in single frames.
 const STAYING: f64 = 2.0;
-/// So many frames may go by without a detection.
+/// The maximum number of frames without a detection within a chain.
 const GAP: usize = 5;
 /// Objects that fill this share of the picture are large enough.
 const LARGE: f64 = 0.05;
@@ -73,7 +73,7 @@ impl Detected {
         let mirrored: Vec<(Sides, f64)> = mirrored.iter().map(back).collect();
         let boxes = plain
             .iter()
-            .filter(|found| found.score >= LEAST_SCORE)
+            .filter(|found| found.score >= MIN_SCORE)
             .map(|found| {
                 let second = mirrored
                     .iter()
@@ -95,7 +95,7 @@ pub fn track(
 ) -> Vec<Option<Sides>> {
     let (width, height) = (width as f64, height as f64);
     let picture = Sides([0.0, 0.0, width, height]);
-    let worth = |sides: &Sides, score: f64| {
+    let weighted = |sides: &Sides, score: f64| {
         let Sides([left, top, right, bottom]) = sides;
         let inside = sides.common(&picture) / sides.area().max(1e-9);
         let size = (sides.area() / picture.area() / LARGE).sqrt().min(1.0);
@@ -113,7 +113,7 @@ pub fn track(
                 .boxes
                 .iter()
                 .map(|&(sides, score)| (Sides(sides), score))
-                .map(|(sides, score)| (sides, worth(&sides, score)));
+                .map(|(sides, score)| (sides, weighted(&sides, score)));
             match given {
                 Some((at, given)) if at == frame => {
                     let same: Vec<_> = all.filter(|(sides, _)| sides.overlap(&given) >= GIVEN).collect();
@@ -130,23 +130,23 @@ pub fn track(
         let (first, alone) = past.map_or((0, 0.0), |(at, _)| (at, f64::NEG_INFINITY));
         let ends = found
             .iter()
-            .map(|(sides, worth)| {
+            .map(|(sides, score)| {
                 let mut best = Chain {
-                    worth: alone,
+                    score: alone,
                     before: None,
                 };
                 for before in frame.saturating_sub(GAP).max(first)..frame {
                     for (i, (other, _)) in nodes[before].iter().enumerate() {
-                        let chain = chains[before][i].worth + STAYING * sides.overlap(other);
-                        if chain > best.worth {
+                        let chain = chains[before][i].score + STAYING * sides.overlap(other);
+                        if chain > best.score {
                             best = Chain {
-                                worth: chain,
+                                score: chain,
                                 before: Some((before, i)),
                             };
                         }
                     }
                 }
-                best.worth += worth;
+                best.score += score;
                 best
             })
             .collect();
@@ -155,7 +155,7 @@ pub fn track(
     let least = given.map_or(0, |(at, _)| at);
     let mut at = (least..frames.len())
         .flat_map(|frame| (0..nodes[frame].len()).map(move |i| (frame, i)))
-        .max_by(|a, b| chains[a.0][a.1].worth.total_cmp(&chains[b.0][b.1].worth));
+        .max_by(|a, b| chains[a.0][a.1].score.total_cmp(&chains[b.0][b.1].score));
     let mut tracked = vec![None; frames.len()];
     while let Some((frame, i)) = at {
         tracked[frame] = Some(nodes[frame][i].0);
@@ -166,7 +166,7 @@ pub fn track(
 
 /// The best chain that ends with a detection.
 struct Chain {
-    worth: f64,
+    score: f64,
     /// The frame before and the detection in it.
     before: Option<(usize, usize)>,
 }

@@ -20,10 +20,10 @@ const FLICKER: f32 = 7.0;
 const STILL: f64 = 0.7;
 const ITERATIONS: usize = 4;
 
-/// Where GrabCut starts.
+/// What GrabCut starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// In the box that was given.
+    /// The object lies within the given box.
     Box,
     /// Where something moves before a still background.
     Motion,

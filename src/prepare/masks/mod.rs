@@ -25,9 +25,13 @@ use std::str::FromStr;
 /// A box in pixels of the original pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectBox {
+    /// The column of the left edge.
     pub left: f64,
+    /// The row of the upper edge.
     pub top: f64,
+    /// The box's width.
     pub width: f64,
+    /// The box's height.
     pub height: f64,
 }
 
@@ -59,7 +63,7 @@ impl FromStr for ObjectBox {
 }
 
 impl ObjectBox {
-    /// In pixels of a photo's image.
+    /// This box in pixels of a photo's image, which may be scaled down.
     fn in_image(&self, photo: &Photo) -> Self {
         Self {
             left: self.left * photo.scale,
@@ -82,7 +86,7 @@ impl ObjectBox {
     }
 }
 
-/// What can be chosen.
+/// Where the masks come from.
 #[derive(Clone, Debug, Default)]
 pub struct MaskOptions {
     /// Folder of masks (white = object), named like the pictures; nothing else counts then.
@@ -97,9 +101,9 @@ pub struct MaskOptions {
 
 /// Masks, and how they were made.
 pub struct Found {
-    /// `None` where there is no object.
+    /// The mask of every photo; `None` where there is no object.
     pub masks: Vec<Option<Mask>>,
-    /// For people.
+    /// How the masks were made, in words.
     pub words: String,
 }
 

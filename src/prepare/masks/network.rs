@@ -13,33 +13,61 @@ use std::sync::Arc;
 /// What is wrong with a network, or with a folder of them.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
+    /// A file cannot be read.
     #[error("{}: cannot be read ({problem}); {mend}", .file.display())]
     Read {
+        /// The file.
         file: PathBuf,
         // Not `source`: the message has it already, and whoever prints the chain would print it twice.
+        /// The operating system's error.
         problem: std::io::Error,
+        /// How to mend it.
         mend: &'static str,
     },
+    /// The TOML file beside a network is wrong.
     #[error("{}: {problem}; correct it (docs/formats.md says what it holds)", .file.display())]
-    Description { file: PathBuf, problem: String },
+    Description {
+        /// The TOML file.
+        file: PathBuf,
+        /// The key and what is wrong with it.
+        problem: String,
+    },
+    /// The ONNX file holds no network that can be run.
     #[error("{}: no network that can be run ({reason}); export it to ONNX with 32-bit floats", .file.display())]
-    Network { file: PathBuf, reason: String },
+    Network {
+        /// The ONNX file.
+        file: PathBuf,
+        /// The runtime's error.
+        reason: String,
+    },
+    /// The folder lacks a network that is needed.
     #[error("--networks {}: no {kind} network, {why}; `scripts/fetch_networks {}` fetches one", .folder.display(), .folder.display())]
     NoneOfKind {
+        /// The folder of networks.
         folder: PathBuf,
+        /// What the missing network would give.
         kind: Kind,
+        /// What it is needed for.
         why: &'static str,
     },
+    /// The folder holds two networks of one kind.
     #[error("{}: a second {kind} network beside {}; leave one of the two in its folder", .file.display(), .other.display())]
     Twice {
+        /// The second network.
         file: PathBuf,
+        /// The first network.
         other: PathBuf,
+        /// What both give.
         kind: Kind,
     },
+    /// The network does not know the category.
     #[error("category: {}: the network knows no {category}, but {known}; leave --category out, or name one of these", .file.display())]
     Category {
+        /// The TOML file with the network's classes.
         file: PathBuf,
+        /// The category that was asked for.
         category: String,
+        /// The categories that the network knows.
         known: String,
     },
 }
@@ -185,7 +213,7 @@ impl Network {
         &self.file
     }
 
-    /// Of its files' contents.
+    /// A digest of the network's files.
     pub fn key(&self) -> Key {
         self.key
     }
@@ -255,7 +283,7 @@ impl Network {
             .collect()
     }
 
-    /// That its outputs are not what they should be.
+    /// The error that the network's outputs are not what its description says.
     pub fn unusable(&self, reason: String) -> PrepareError {
         PrepareError::Network(NetworkError::Network {
             file: self.file.clone(),

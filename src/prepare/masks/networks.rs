@@ -36,7 +36,7 @@ pub struct Detection {
 }
 
 impl Networks {
-    /// Those that the TOML files of a folder describe, one of each kind.
+    /// The networks that the TOML files of a folder describe, one of each kind.
     ///
     /// # Errors
     /// A folder or networks that cannot be read, kinds that are missing or there twice, a category that they do not know.
@@ -80,7 +80,7 @@ impl Networks {
         Ok(Self { saliency, category })
     }
 
-    /// Of all their files' contents.
+    /// A digest of all networks' files.
     pub fn key(&self) -> Key {
         let of_category = self
             .category
@@ -220,7 +220,7 @@ fn share_of_class(outputs: &[Tensor], classes: usize, class: usize) -> Result<Gr
 }
 
 /// Detections below this score are none.
-const LEAST_SCORE: f64 = 0.1;
+const MIN_SCORE: f64 = 0.1;
 /// Of two boxes that overlap by more, the better one stays.
 const SAME: f64 = 0.45;
 
@@ -232,7 +232,7 @@ fn detections(outputs: &[Tensor], classes: usize, class: usize) -> Result<Vec<De
     for cell in 0..width * height {
         let value = |plane: usize| f64::from(values[plane * width * height + cell]);
         let score = value(0).max(0.0).powf(0.6) * value(5 + class).max(0.0).powf(0.4);
-        if score < LEAST_SCORE {
+        if score < MIN_SCORE {
             continue;
         }
         let x = ((cell % width) as f64 + value(1).tanh()) / width as f64;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// So many pixels a side.
+/// The side of the network's input, pixels.
 pub const SIDE: usize = 32;
 
 /// A field of a protocol buffer: its length takes as many bytes as it needs.

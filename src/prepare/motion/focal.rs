@@ -1,6 +1,6 @@
 //! What features say of the focal length, how far that can be trusted, and how it goes together with what was known.
 
-use super::MotionError;
+use super::StructureFromMotionError;
 use super::grow::Reconstruction;
 use crate::geometry::Vector3;
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Deviation of a focal length's logarithm that leaves it to the features.
 pub const FREE: f64 = 1.0;
 /// No evidence is taken to be better than this.
-const LEAST_DEVIATION: f64 = 0.005;
+const MIN_DEVIATION: f64 = 0.005;
 
 /// A focal length and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -39,7 +39,7 @@ impl FocalEvidence {
 /// points of each eighth of the object are left out in turn (the jackknife over groups). Formal variances know nothing of highlights that
 /// slide over paint, a whole region of which is wrong together: of three cars whose turn is known, the features are off by 1, 8 and 19 %,
 /// by the jackknife ± 2, 14 and 16 %.
-pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, MotionError> {
+pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, StructureFromMotionError> {
     let mut all = reconstruction.clone().with_free_focal();
     all.bundle()?;
     let px = all.focal_px();
@@ -52,10 +52,10 @@ pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, Mot
             some.bundle()?;
             Ok((some.focal_px() / px).ln())
         })
-        .collect::<Result<Vec<f64>, MotionError>>()?;
+        .collect::<Result<Vec<f64>, StructureFromMotionError>>()?;
     Ok(FocalEvidence {
         px,
-        deviation: jackknife(&logs).max(LEAST_DEVIATION),
+        deviation: jackknife(&logs).max(MIN_DEVIATION),
     })
 }
 

@@ -4,7 +4,7 @@ use super::focal::{FREE, FocalEvidence, by_features};
 use super::matching::{Matching, Pair};
 use super::points::triangulated;
 use super::tracks::{Seen, tracks};
-use super::{Motion, MotionError, MotionOptions};
+use super::{Motion, MotionOptions, StructureFromMotionError};
 use crate::bridge::bundle::ffi::{self as bundle, Bundle, BundleOptions, Observation};
 use crate::bridge::vision::ffi::{self as vision, Found};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
@@ -12,13 +12,13 @@ use nalgebra::{Matrix3, Vector2, Vector6};
 use rayon::prelude::*;
 
 /// A pair, or a frame, with fewer features in common is none.
-const FEWEST: usize = 12;
+const MIN_COMMON_FEATURES: usize = 12;
 /// Rays that meet at a smaller angle, in degrees, say nothing about depth.
-const LEAST_ANGLE_DEG: f64 = 1.5;
+const MIN_ANGLE_DEG: f64 = 1.5;
 /// A first pair should have rays that meet at such an angle; a smaller one counts for less.
 const START_ANGLE_DEG: f64 = 8.0;
 /// No point lies so near to a camera, in baselines of the first pair.
-const NEAREST: f64 = 0.2;
+const MIN_DISTANCE: f64 = 0.2;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
 
@@ -48,7 +48,7 @@ pub struct Reconstruction<'a> {
 }
 
 impl<'a> Reconstruction<'a> {
-    /// Two views.
+    /// Starts from the best pair of views.
     ///
     /// # Errors
     /// No pair with enough in common.
@@ -56,7 +56,7 @@ impl<'a> Reconstruction<'a> {
         matching: &'a Matching,
         camera: &Pinhole,
         options: &'a MotionOptions,
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, StructureFromMotionError> {
         let verified: Vec<Verified> = matching
             .pairs
             .par_iter()
@@ -65,12 +65,12 @@ impl<'a> Reconstruction<'a> {
             .into_iter()
             .flatten()
             .collect();
-        let worth = |pair: &Verified| pair.matches.len() as f64 * (pair.angle_deg / START_ANGLE_DEG).min(1.0);
+        let score = |pair: &Verified| pair.matches.len() as f64 * (pair.angle_deg / START_ANGLE_DEG).min(1.0);
         let best = verified
             .iter()
-            .filter(|pair| pair.angle_deg > LEAST_ANGLE_DEG)
-            .max_by(|a, b| worth(a).total_cmp(&worth(b)))
-            .ok_or_else(|| MotionError::NoPair {
+            .filter(|pair| pair.angle_deg > MIN_ANGLE_DEG)
+            .max_by(|a, b| score(a).total_cmp(&score(b)))
+            .ok_or_else(|| StructureFromMotionError::NoPair {
                 matched: matching
                     .pairs
                     .iter()
@@ -104,7 +104,7 @@ impl<'a> Reconstruction<'a> {
     }
 
     /// All frames that can be placed.
-    pub fn grow(mut self) -> Result<Motion, MotionError> {
+    pub fn grow(mut self) -> Result<Motion, StructureFromMotionError> {
         self.extend_points();
         self.adjust(1)?;
         let mut refused = vec![false; self.poses.len()];
@@ -182,7 +182,7 @@ impl<'a> Reconstruction<'a> {
         let in_camera = pose.transform(point);
         self.zoomed()
             .project(&in_camera)
-            .filter(|_| in_camera.z > NEAREST)
+            .filter(|_| in_camera.z > MIN_DISTANCE)
             .map_or(f64::INFINITY, |pixel| (pixel - Vector2::new(x, y)).norm())
     }
 
@@ -202,12 +202,14 @@ impl<'a> Reconstruction<'a> {
             track.iter().for_each(|seen| counts[seen[0] as usize] += 1);
         }
         (0..self.poses.len())
-            .filter(|&frame| self.poses[frame].is_none() && !refused[frame] && counts[frame] >= FEWEST)
+            .filter(|&frame| {
+                self.poses[frame].is_none() && !refused[frame] && counts[frame] >= MIN_COMMON_FEATURES
+            })
             .max_by_key(|&frame| (counts[frame], std::cmp::Reverse(frame)))
     }
 
     /// Whether the points that a frame sees tell where it stands.
-    fn place(&mut self, frame: usize) -> Result<bool, MotionError> {
+    fn place(&mut self, frame: usize) -> Result<bool, StructureFromMotionError> {
         let (mut points, mut rays) = (Vec::new(), Vec::new());
         for (track, point) in self.tracks.iter().zip(&self.points) {
             let (Some(point), Some(&seen)) = (point, track.iter().find(|seen| seen[0] as usize == frame))
@@ -221,7 +223,7 @@ impl<'a> Reconstruction<'a> {
         let threshold = self.tolerance() / self.zoomed().fx;
         let found = vision::resect(&points, &rays, threshold, &mut inliers)?;
         let count = inliers.iter().filter(|&&inlier| inlier != 0).count();
-        if !found.any || count < FEWEST {
+        if !found.any || count < MIN_COMMON_FEATURES {
             return Ok(false);
         }
         let pose = pose_of(&found);
@@ -257,11 +259,11 @@ impl<'a> Reconstruction<'a> {
         let fits = placed
             .iter()
             .all(|(seen, pose)| self.error(pose, &point, *seen) < self.tolerance());
-        (angle.to_degrees() > LEAST_ANGLE_DEG && fits).then_some(point)
+        (angle.to_degrees() > MIN_ANGLE_DEG && fits).then_some(point)
     }
 
     /// So many adjustments of everything, each after throwing out what does not fit.
-    fn adjust(&mut self, rounds: usize) -> Result<(), MotionError> {
+    fn adjust(&mut self, rounds: usize) -> Result<(), StructureFromMotionError> {
         for _ in 0..rounds {
             self.bundle()?;
             for k in 0..self.tracks.len() {
@@ -288,7 +290,7 @@ impl<'a> Reconstruction<'a> {
     }
 
     /// Adjusts all poses and points, and the focal length if it is free.
-    pub fn bundle(&mut self) -> Result<(), MotionError> {
+    pub fn bundle(&mut self) -> Result<(), StructureFromMotionError> {
         let mut place = vec![None; self.poses.len()];
         let mut cameras = Vec::with_capacity(6 * self.order.len());
         for (k, &frame) in self.order.iter().enumerate() {
@@ -392,7 +394,7 @@ fn verified(
     camera: &Pinhole,
     pair: &Pair,
     tolerance: f64,
-) -> Result<Option<Verified>, MotionError> {
+) -> Result<Option<Verified>, StructureFromMotionError> {
     let [a, b] = pair.frames;
     let rays = |frame: usize, side: usize| -> Vec<f64> {
         pair.matches
@@ -403,14 +405,14 @@ fn verified(
             })
             .collect()
     };
-    if pair.matches.len() < FEWEST {
+    if pair.matches.len() < MIN_COMMON_FEATURES {
         return Ok(None);
     }
     let (first, second) = (rays(a, 0), rays(b, 1));
     let mut inliers = vec![0; pair.matches.len()];
     let found = vision::two_views(&first, &second, tolerance / camera.fx, &mut inliers)?;
     let chosen: Vec<usize> = (0..inliers.len()).filter(|&k| inliers[k] != 0).collect();
-    if !found.any || chosen.len() < FEWEST {
+    if !found.any || chosen.len() < MIN_COMMON_FEATURES {
         return Ok(None);
     }
     let second_from_first = pose_of(&found);

@@ -1,7 +1,7 @@
 //! Features on the object and which of them are alike.
 
 use super::alike::{ENTRIES, alike};
-use super::{MotionError, View};
+use super::{MaskedImage, StructureFromMotionError};
 use crate::bridge::vision::ffi::{self, DetectOptions};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ const BORDER: f64 = 0.01;
 /// What frames have in common.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub struct Matching {
-    /// Per frame: where its features are.
+    /// The positions (x, y) of every frame's features, pixels.
     pub features: Vec<Vec<[f64; 2]>>,
     /// Frame pairs a < b, and which features of theirs are alike.
     pub pairs: Vec<Pair>,
@@ -49,11 +49,11 @@ pub struct Pair {
 /// `watch` hears of every pair, and how many there are; false stops.
 ///
 /// # Errors
-/// OpenCV's own.
+/// An exception of OpenCV, or an interruption.
 pub fn match_features(
-    views: &[View],
+    views: &[MaskedImage],
     watch: &(dyn Fn(usize) -> bool + Sync),
-) -> Result<Matching, MotionError> {
+) -> Result<Matching, StructureFromMotionError> {
     let size = object_size(views);
     let found: Vec<(Vec<[f64; 2]>, DMatrix<f32>)> = views
         .par_iter()
@@ -67,7 +67,7 @@ pub fn match_features(
         .into_par_iter()
         .map(|frames| {
             if !watch(count) {
-                return Err(MotionError::Interrupted);
+                return Err(StructureFromMotionError::Interrupted);
             }
             let [a, b] = frames.map(|frame| &found[frame].1);
             let matches = if likely(frames, a, b) {
@@ -77,7 +77,7 @@ pub fn match_features(
             };
             Ok(Pair { frames, matches })
         })
-        .collect::<Result<_, MotionError>>()?;
+        .collect::<Result<_, StructureFromMotionError>>()?;
     Ok(Matching {
         features: found.into_iter().map(|(features, _)| features).collect(),
         pairs,
@@ -94,7 +94,7 @@ fn likely([a, b]: [usize; 2], features_a: &DMatrix<f32>, features_b: &DMatrix<f3
 }
 
 /// The diagonal of the median mask's box, in pixels.
-fn object_size(views: &[View]) -> f64 {
+fn object_size(views: &[MaskedImage]) -> f64 {
     let mut sizes: Vec<f64> = views
         .iter()
         .filter_map(|view| view.mask.bounds())
@@ -105,7 +105,11 @@ fn object_size(views: &[View]) -> f64 {
 }
 
 /// Where features are, and a column each that describes them.
-fn detect(view: &View, zoom: f64, border: f64) -> Result<(Vec<[f64; 2]>, DMatrix<f32>), MotionError> {
+fn detect(
+    view: &MaskedImage,
+    zoom: f64,
+    border: f64,
+) -> Result<(Vec<[f64; 2]>, DMatrix<f32>), StructureFromMotionError> {
     let (width, height) = view.image.size();
     let gray: Vec<u8> = view
         .image
@@ -119,7 +123,7 @@ fn detect(view: &View, zoom: f64, border: f64) -> Result<(Vec<[f64; 2]>, DMatrix
     let options = DetectOptions {
         zoom,
         contrast: CONTRAST,
-        most: FEATURES,
+        max_features: FEATURES,
     };
     let features = ffi::detect(&gray, &mask, width, height, &options, &mut descriptors)?;
     Ok((

@@ -16,7 +16,7 @@ use crate::image::{Mask, RgbImage};
 pub use focal::{FREE, FocalEvidence};
 use grow::Reconstruction;
 
-/// What can be chosen.
+/// Options of the search for the camera's motion.
 #[derive(Clone, Debug)]
 pub struct MotionOptions {
     /// A feature may be so far from where a pose sees it, in pixels of an object whose mask is 500 pixels across.
@@ -35,7 +35,7 @@ impl Default for MotionOptions {
 }
 
 /// A picture and what belongs to the object in it.
-pub struct View<'a> {
+pub struct MaskedImage<'a> {
     pub image: &'a RgbImage,
     pub mask: &'a Mask,
 }
@@ -43,12 +43,12 @@ pub struct View<'a> {
 /// Poses of the frames that could be placed, and the features' points, in the units of the first pair's baseline.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Motion {
-    /// Of every frame; fx and fy as adjusted.
+    /// The intrinsics of every frame, with fx and fy as adjusted.
     pub camera: Pinhole,
-    /// Per frame, if it was placed.
+    /// The pose of every frame; `None` where it could not be placed.
     pub camera_from_input: Vec<Option<Pose>>,
     pub points: Vec<Vector3<f64>>,
-    /// Per point: the frames that see it.
+    /// The indices of the frames that see each point.
     pub seen_in: Vec<Vec<u32>>,
     /// How well the camera's focal length is known by all evidence: the standard deviation of its logarithm; 0 where it was kept.
     pub focal_deviation: f64,
@@ -60,18 +60,24 @@ pub struct Motion {
 
 /// Why there is no motion.
 #[derive(Debug, thiserror::Error)]
-pub enum MotionError {
+pub enum StructureFromMotionError {
+    /// No two frames have enough features in common.
     #[error(
         "frames: features on the object match between too few of them ({matched} matches in the best pair); take sharper, larger or more pictures, closer in time"
     )]
-    NoPair { matched: usize },
+    NoPair {
+        /// The matches of the best pair.
+        matched: usize,
+    },
+    /// The caller stopped the work.
     #[error("interrupted")]
     Interrupted,
+    /// OpenCV or Ceres threw an exception. The field is its message.
     #[error("OpenCV or Ceres: {0}")]
     Library(String),
 }
 
-impl From<cxx::Exception> for MotionError {
+impl From<cxx::Exception> for StructureFromMotionError {
     fn from(error: cxx::Exception) -> Self {
         Self::Library(crate::image::one_line(error.what()))
     }
@@ -80,7 +86,11 @@ impl From<cxx::Exception> for MotionError {
 /// The motion that matched features tell of. `camera` is what is known of the camera.
 ///
 /// # Errors
-/// No two frames with enough in common.
-pub fn motion(matching: &Matching, camera: &Pinhole, options: &MotionOptions) -> Result<Motion, MotionError> {
+/// No two frames have enough features in common, OpenCV or Ceres fails, or the caller stops the work.
+pub fn motion(
+    matching: &Matching,
+    camera: &Pinhole,
+    options: &MotionOptions,
+) -> Result<Motion, StructureFromMotionError> {
     Reconstruction::start(matching, camera, options)?.grow()
 }

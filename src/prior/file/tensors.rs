@@ -27,12 +27,12 @@ pub(super) fn serialised(tensors: &[Tensor], info: &PriorInfo) -> Result<Vec<u8>
     serialize(views, Some([(METADATA_KEY.to_owned(), json)].into())).map_err(|e| invalid(e.to_string()))
 }
 
-/// As f32.
+/// The numbers' bytes as f32.
 pub(super) fn single(numbers: impl Iterator<Item = f64>) -> Vec<u8> {
     numbers.flat_map(|x| (x as f32).to_le_bytes()).collect()
 }
 
-/// As f16.
+/// The numbers' bytes as f16.
 pub(super) fn half(numbers: impl Iterator<Item = f64>) -> Vec<u8> {
     numbers.flat_map(|x| f16::from_f64(x).to_le_bytes()).collect()
 }

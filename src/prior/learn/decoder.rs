@@ -13,13 +13,14 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// What can be chosen.
+/// Options of training a decoder.
 #[derive(Clone, Debug)]
 pub struct DecoderOptions {
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
     /// Outputs of each of the two hidden layers.
     pub width: usize,
+    /// The seed of the starting weights and of the batches.
     pub seed: u64,
 }
 

@@ -98,30 +98,49 @@ const SAMPLES_PER_POINT: usize = 3;
 /// Why nothing could be learned.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnError {
+    /// There are fewer than three models. The field is their number.
     #[error("{0} models are too few to learn from: give at least 3")]
     TooFewModels(usize),
+    /// An option of learning is out of range.
     #[error("{option} = {value} is out of range: give {range}")]
     Option {
+        /// The option as on the command line.
         option: &'static str,
+        /// Its value.
         value: usize,
+        /// The values that it may have.
         range: &'static str,
     },
+    /// A model has too few samples on its outside.
     #[error(
         "model `{model}`: only {found} of its samples lie outside on one half, {needed} are needed: raise the samples or drop the model"
     )]
     TooFewSamples {
+        /// The model's name.
         model: String,
+        /// The samples that lie outside on one half.
         found: usize,
+        /// The samples that are needed.
         needed: usize,
     },
+    /// The models do not give as many styles as were asked for.
     #[error("{styles} styles are too many: these shapes give at most {possible}")]
-    TooManyStyles { styles: usize, possible: usize },
+    TooManyStyles {
+        /// The styles that were asked for.
+        styles: usize,
+        /// The styles that the models give.
+        possible: usize,
+    },
+    /// The trained decoder maps all styles to one shape.
     #[error("training left no style to tell shapes by: train longer, or with a lower rate")]
     Collapsed,
+    /// What was learned does not make a prior.
     #[error(transparent)]
     Invalid(#[from] super::InvalidPrior),
+    /// The library was built without the feature `training`.
     #[error("this build cannot train networks: build it with `cargo build --release --features training`")]
     NoTraining,
+    /// Training ended without a network.
     #[cfg(feature = "training")]
     #[error(transparent)]
     Training(#[from] crate::training::TrainingError),
@@ -148,14 +167,19 @@ impl Correspondences {
 
 /// A model's outside, both for learning from it and for judging fits to it.
 pub struct TrainingShape {
+    /// The model's name.
     pub name: String,
+    /// Samples on the outside of the model, object frame.
     pub outside: OutsideSample,
 }
 
 /// What is being done, for a progress bar: `done` of `total`.
 pub struct Progress {
+    /// The stage in words.
     pub stage: &'static str,
+    /// The steps of this stage that are done.
     pub done: usize,
+    /// The steps of this stage.
     pub total: usize,
 }
 

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 /// The mean, the modes scaled by their standard deviations, and what they explain.
 pub struct Components {
-    /// D entries.
+    /// The mean, D entries.
     pub mean: Vec<f64>,
     /// One mode a row, D entries each; with s ~ N(0, I), mean + Σ s_k mode_k has the shapes' covariance.
     pub modes: Vec<Vec<f64>>,

@@ -107,7 +107,7 @@ fn inverse(value: f32) -> f32 {
     if value > 0.0 { 1.0 / value } else { 0.0 }
 }
 
-/// In the object's units, inside the mask.
+/// The mean absolute depth difference, object units, inside the mask.
 fn input_depth(frame: &sequence::Frame, alpha: Option<f64>) -> Option<DepthMap> {
     let (depth, alpha) = (frame.depth.as_ref()?, alpha? as f32);
     Some(DepthMap::from_fn(depth.width(), depth.height(), |column, row| {
@@ -364,7 +364,7 @@ const FILES: [File; 14] = [
     },
 ];
 
-/// Those that there are.
+/// The files that exist.
 pub(super) fn files(folder: &Path) -> Vec<&'static File> {
     FILES
         .iter()

@@ -7,8 +7,8 @@ const FRUSTUM_DEPTH = 0.16;
 const FIELD_OF_VIEW_DEG = 35;
 /** Where the viewer starts: so far round from the cameras, radians, and within these distances. */
 const BESIDE = 0.6;
-const NEAREST = 2.0;
-const FARTHEST = 2.9;
+const MIN_DISTANCE = 2.0;
+const MAX_DISTANCE = 2.9;
 
 /** Opens the viewer, or says why it cannot; calls `picked` with the index of a camera that is clicked. */
 async function openScene(data, pictures, picked) {
@@ -188,7 +188,7 @@ class SceneView {
       const aside = Math.max(Math.abs(centre.dot(right)) / wide, Math.abs(centre.dot(up)) / high);
       return centre.dot(from) + 1.15 * aside;
     });
-    return from.multiplyScalar(Math.min(Math.max(NEAREST, ...needed), FARTHEST));
+    return from.multiplyScalar(Math.min(Math.max(MIN_DISTANCE, ...needed), MAX_DISTANCE));
   }
 
   resize() {

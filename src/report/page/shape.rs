@@ -30,7 +30,7 @@ pub(super) enum Shape {
         normals: String,
         /// Red, green, blue as u8, base64.
         colours: String,
-        /// Of the disc around each point, as f32, base64.
+        /// The radius of the disc around each point, as f32, base64.
         radii: String,
     },
 }

@@ -17,7 +17,7 @@
 
 mod attach;
 pub(super) mod depth_map;
-mod scene;
+mod interface;
 
 use super::distortion::Distortion;
 use super::draft::{DenseDepth, Draft, FrameDraft, folder_name};
@@ -26,7 +26,7 @@ use super::workspace;
 use crate::geometry::Pinhole;
 use crate::image::natural_key;
 use depth_map::OpenMvsDepth;
-use scene::Scene;
+use interface::Interface;
 use std::path::{Path, PathBuf};
 
 pub(super) use attach::attach;
@@ -43,7 +43,7 @@ enum Habit {
 
 struct Project {
     scene_file: PathBuf,
-    scene: Scene,
+    interface: Interface,
     /// Sorted by file name.
     depth_maps: Vec<(PathBuf, OpenMvsDepth)>,
 }
@@ -87,7 +87,7 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
                 continue;
             }
         };
-        let shift = match alone(map, project.scene.version) {
+        let shift = match alone(map, project.interface.version) {
             Habit::Kept => 0.0,
             Habit::Shifted => 0.5,
         };
@@ -124,10 +124,10 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
     })
 }
 
-/// Reads the scene and every `depth*.dmap` beside it; their number must be that of the calibrated images.
+/// Reads `scene.mvs` and every `depth*.dmap` beside it; their number must be that of the calibrated images.
 fn read(folder: &Path) -> Result<Project, SequenceError> {
     let scene_file = folder.join(SCENE);
-    let scene = scene::read(&scene_file)?;
+    let interface = interface::read(&scene_file)?;
     let entries = std::fs::read_dir(folder).map_err(|source| SequenceError::read(folder, source))?;
     let mut files: Vec<PathBuf> = entries
         .flatten()
@@ -141,7 +141,7 @@ fn read(folder: &Path) -> Result<Project, SequenceError> {
     let mut depth_maps = Vec::with_capacity(files.len());
     for file in files {
         let map = depth_map::read(&file)?;
-        if !scene.images.iter().any(|image| image.name == map.image_name) {
+        if !interface.images.iter().any(|image| image.name == map.image_name) {
             return Err(SequenceError::invalid(
                 &file,
                 "image name",
@@ -151,7 +151,7 @@ fn read(folder: &Path) -> Result<Project, SequenceError> {
         }
         depth_maps.push((file, map));
     }
-    let calibrated = scene.images.iter().filter(|image| image.calibrated).count();
+    let calibrated = interface.images.iter().filter(|image| image.calibrated).count();
     if calibrated != depth_maps.len() {
         return Err(SequenceError::CountMismatch {
             file: scene_file,
@@ -164,7 +164,7 @@ fn read(folder: &Path) -> Result<Project, SequenceError> {
     }
     Ok(Project {
         scene_file,
-        scene,
+        interface,
         depth_maps,
     })
 }
@@ -202,7 +202,7 @@ fn image_name_below(images: &Path, path: &str) -> String {
 pub(super) fn fuzz(name: &str, data: &[u8]) {
     let file = Path::new(name);
     let _ = match name {
-        SCENE => scene::decode(data, file).map(drop),
+        SCENE => interface::decode(data, file).map(drop),
         _ => depth_map::decode(data, file).map(drop),
     };
 }

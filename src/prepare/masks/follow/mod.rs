@@ -30,11 +30,11 @@ const FIT: f64 = 0.65;
 /// Beyond the detected box by a larger share of its size there is no object, unless the class network knows better.
 pub(super) const LOOSE: f64 = 0.1;
 /// Differences of a smaller share of the mask are not looked at.
-const LEAST_PART: f64 = 0.005;
+const MIN_PART: f64 = 0.005;
 /// Parts narrower than twice this share of the longer side of the picture are no parts.
 const PART_RADIUS: f64 = 1.0 / 160.0;
 /// An object detected in a smaller share of the frames was not found.
-const LEAST_DETECTED: f64 = 0.25;
+const MIN_DETECTED: f64 = 0.25;
 
 /// What became of every frame.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
@@ -46,11 +46,11 @@ pub struct Followed {
 }
 
 /// Photos, and the networks that look at them.
-struct Scene<'a> {
+struct Segmenter<'a> {
     photos: &'a [Photo],
     networks: &'a Networks,
     cache: &'a Cache,
-    /// Of the photos and the networks.
+    /// A digest of the photos and the networks.
     key: Key,
 }
 
@@ -67,7 +67,7 @@ pub fn masks(
     key: Key,
     watch: &dyn Fn(usize) -> bool,
 ) -> Result<Followed, PrepareError> {
-    let scene = Scene {
+    let segmenter = Segmenter {
         photos,
         networks,
         cache,
@@ -78,15 +78,15 @@ pub fn masks(
         false => Err(PrepareError::Interrupted),
     };
     let given = object_box
-        .map(|given| scene.given(given))
+        .map(|given| segmenter.given(given))
         .transpose()?
         .map(|sides| (photos.len() / 2, sides));
     let keys = key_frames(photos.len());
-    let detected = scene.tracked(given, &step)?;
+    let detected = segmenter.tracked(given, &step)?;
     let by_class = detected.is_some();
     let boxes = match detected {
         Some(boxes) => Some(boxes),
-        None => scene.salient(&keys, given, &step)?,
+        None => segmenter.salient(&keys, given, &step)?,
     };
     let Some(boxes) = boxes else {
         return Ok(Followed {
@@ -99,11 +99,11 @@ pub fn masks(
         step()?;
         looks.insert(
             frame,
-            scene.saliency(frame, boxes[frame].widened_in(&photos[frame], MARGIN))?,
+            segmenter.saliency(frame, boxes[frame].widened_in(&photos[frame], MARGIN))?,
         );
     }
     let opinion = Opinion {
-        scene: &scene,
+        segmenter: &segmenter,
         boxes: &boxes,
         by_class,
     };
@@ -195,7 +195,7 @@ pub(super) fn settled(own: &Mask, other: &Mask, class: &Likelihood) -> Result<Ma
         likely[usize::from(part)] += usize::from(class);
     }
     let inside = own.data().iter().filter(|&&inside| inside).count();
-    let least = LEAST_PART * inside as f64;
+    let least = MIN_PART * inside as f64;
     let mask = own.data().iter().zip(&parts).map(|(&own, &part)| {
         let part = usize::from(part);
         if part == 0 || (pixels[part] as f64) < least {
@@ -213,7 +213,7 @@ impl Sides {
     }
 }
 
-impl Scene<'_> {
+impl Segmenter<'_> {
     /// Columns and rows from left, top to right, bottom.
     fn part(&self, frame: usize, [left, top, right, bottom]: [usize; 4]) -> Result<Picture, PrepareError> {
         if left >= right || top >= bottom {
@@ -310,7 +310,7 @@ impl Scene<'_> {
         let size = self.photos[0].image.size();
         let tracked = track(&frames, size, given);
         let seen = tracked.iter().flatten().count() as f64;
-        if seen < LEAST_DETECTED * tracked.len() as f64 {
+        if seen < MIN_DETECTED * tracked.len() as f64 {
             return Ok(None);
         }
         Ok(smoothed(&tracked))

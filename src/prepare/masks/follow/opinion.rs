@@ -10,7 +10,7 @@ pub(super) struct Counts {
 
 /// How looks at single frames become masks on which all agree.
 pub(super) struct Opinion<'a> {
-    pub scene: &'a Scene<'a>,
+    pub segmenter: &'a Segmenter<'a>,
     pub boxes: &'a [Sides],
     /// Whether the boxes are of the category, so that the class network has a say.
     pub by_class: bool,
@@ -43,7 +43,7 @@ impl Opinion<'_> {
                 before
                     .into_iter()
                     .chain(after)
-                    .map(|j| self.scene.carried(&looks[&keys[j]], keys[j], keys[i]))
+                    .map(|j| self.segmenter.carried(&looks[&keys[j]], keys[j], keys[i]))
                     .collect()
             })
             .collect::<Result<_, PrepareError>>()?;
@@ -79,14 +79,14 @@ impl Opinion<'_> {
         }
         let sides = &self.boxes[frame];
         let (width, height) = own.size();
-        let [left, top, right, bottom] = sides.widened_in(&self.scene.photos[frame], LOOSE);
+        let [left, top, right, bottom] = sides.widened_in(&self.segmenter.photos[frame], LOOSE);
         let within = Grid::from_fn(width, height, |column, row| {
             own[(column, row)] && (left..right).contains(&column) && (top..bottom).contains(&row)
         });
-        if doubted.is_none() && fit && agreement(own, &within) > 1.0 - LEAST_PART {
+        if doubted.is_none() && fit && agreement(own, &within) > 1.0 - MIN_PART {
             return Ok(own.clone());
         }
-        let Some(class) = self.scene.class(frame, sides)? else {
+        let Some(class) = self.segmenter.class(frame, sides)? else {
             return Ok(own.clone());
         };
         let mut mask = settled(own, &within, &class)?;
@@ -110,11 +110,11 @@ impl Opinion<'_> {
 
     /// GrabCut within a box, from what is likely of the class.
     fn cut(&self, frame: usize, sides: &Sides, class: &Likelihood) -> Result<Mask, PrepareError> {
-        let photo = &self.scene.photos[frame];
+        let photo = &self.segmenter.photos[frame];
         let part = sides.widened_in(photo, CLASS_MARGIN);
         let inner = sides.widened_in(photo, LOOSE / 2.0);
         let [left, top, right, bottom] = part;
-        let small = colours::working(self.scene.part(frame, part)?)?;
+        let small = colours::working(self.segmenter.part(frame, part)?)?;
         let place = |column: usize, row: usize| {
             (
                 left + (2 * column + 1) * (right - left) / (2 * small.width),
@@ -156,7 +156,7 @@ impl Opinion<'_> {
         counts: &mut Counts,
         step: &dyn Fn() -> Result<(), PrepareError>,
     ) -> Result<Vec<Mask>, PrepareError> {
-        let count = self.scene.photos.len();
+        let count = self.segmenter.photos.len();
         let carried: BTreeMap<usize, [(f64, Likelihood); 2]> = (0..count)
             .into_par_iter()
             .filter_map(|frame| {
@@ -167,7 +167,7 @@ impl Opinion<'_> {
                 let (&after, second) = looks.range(frame..).next()?;
                 let of = |look: &Likelihood, from: usize| {
                     let weight = 1.0 / frame.abs_diff(from) as f64;
-                    Ok::<_, PrepareError>((weight, self.scene.carried(look, from, frame)?))
+                    Ok::<_, PrepareError>((weight, self.segmenter.carried(look, from, frame)?))
                 };
                 let pair = || Ok([of(first, before)?, of(second, after)?]);
                 Some(pair().map(|pair| (frame, pair)))
@@ -186,12 +186,12 @@ impl Opinion<'_> {
             }
             let sides = &self.boxes[frame];
             let look = self
-                .scene
-                .saliency(frame, sides.widened_in(&self.scene.photos[frame], MARGIN))?;
+                .segmenter
+                .saliency(frame, sides.widened_in(&self.segmenter.photos[frame], MARGIN))?;
             let own = mask_of(&look)?;
             looks.insert(frame, look);
             let class = match self.by_class {
-                true => self.scene.class(frame, sides)?,
+                true => self.segmenter.class(frame, sides)?,
                 false => None,
             };
             let mask = match class {

@@ -27,7 +27,7 @@ fn photos(post: Option<usize>) -> (Vec<Photo>, Vec<Mask>) {
                 seconds: None,
                 focal_px: None,
                 scale: 1.0,
-                origin: crate::prepare::Origin::Video,
+                origin: crate::prepare::photos::Origin::Video,
             };
             (photo, mask)
         })

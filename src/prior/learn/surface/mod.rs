@@ -35,6 +35,7 @@ const ASYMMETRY: f64 = 0.2;
 
 /// Models in correspondence: the half's vertices on each.
 pub struct Registered {
+    /// Per model, the vertices of the half x ≥ 0, object frame.
     pub shapes: Vec<Vec<V3>>,
 }
 
@@ -90,7 +91,7 @@ fn mean(shapes: &[Vec<V3>], weights: &[f64]) -> Vec<V3> {
 /// What a surface prior is made of besides its models.
 #[derive(Clone, Debug)]
 pub struct SurfaceOptions {
-    /// S.
+    /// The number of style entries S.
     pub styles: usize,
     /// N, even: pairs of mirrored points.
     pub points: usize,
@@ -98,6 +99,7 @@ pub struct SurfaceOptions {
     pub modes: usize,
     /// The free form's covariance.
     pub scales: Vec<FieldScale>,
+    /// The seed by which points are drawn on the surface.
     pub seed: u64,
 }
 

@@ -37,7 +37,7 @@ const SMOOTHINGS: usize = 5;
 const SMOOTHING: f64 = 0.7;
 const UNFOLDING_ROUNDS: usize = 12;
 const CONJUGATE_GRADIENT_STEPS: usize = 60;
-const LEAST_EXTENT: f64 = 1e-3;
+const MIN_EXTENT: f64 = 1e-3;
 
 /// A template made ready for many shapes.
 pub struct Template<'a> {
@@ -110,7 +110,7 @@ impl<'a> Template<'a> {
         };
         let (from_low, from_high) = extent(self.rest);
         let (to_low, to_high) = extent(target.points());
-        let size = (from_high - from_low).sup(&V3::repeat(LEAST_EXTENT));
+        let size = (from_high - from_low).sup(&V3::repeat(MIN_EXTENT));
         let scale = (to_high - to_low).component_div(&size);
         self.rest
             .iter()

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 type V3 = Vector3<f64>;
 
 /// Residuals are compared over distances up to this, in diagonals, in so many steps.
-const FARTHEST: f64 = 0.3;
+const MAX_DISTANCE: f64 = 0.3;
 const STEPS: usize = 30;
 /// Pairs whose mirror image is nearer than this add the covariance of both halves.
 const CLEAR_OF_IMAGE: f64 = 0.3;
@@ -53,7 +53,7 @@ pub fn residual_covariogram(
             let [sum, count] = sums.iter().fold([0.0; 2], |total, (steps, weight)| {
                 [0, 1].map(|i| total[i] + weight * steps[step][i])
             });
-            let distance = (step as f64 + 0.5) * FARTHEST / STEPS as f64;
+            let distance = (step as f64 + 0.5) * MAX_DISTANCE / STEPS as f64;
             (distance, sum / f64::max(count, 1.0))
         })
         .collect();
@@ -87,7 +87,7 @@ fn products(mesh: &MirroredMesh, shape: &[V3], residual: &[V3]) -> Vec<[f64; 2]>
         for (j, b) in shape.iter().enumerate().skip(i) {
             let (x, image_x) = (a.x - b.x, a.x + b.x);
             let across = (a.y - b.y).powi(2) + (a.z - b.z).powi(2);
-            let step = ((x * x + across).sqrt() * STEPS as f64 / FARTHEST) as usize;
+            let step = ((x * x + across).sqrt() * STEPS as f64 / MAX_DISTANCE) as usize;
             if step < STEPS && (image_x * image_x + across).sqrt() > CLEAR_OF_IMAGE {
                 steps[step][0] += residual[i].dot(&residual[j]) / 3.0;
                 steps[step][1] += 1.0;
@@ -175,7 +175,7 @@ mod tests {
         let (first, factor, _) = LENGTHS;
         let lengths = [first * factor.powi(12), first * factor.powi(3)];
         let steps = (0..STEPS)
-            .map(|k| (k as f64 + 0.5) * FARTHEST / STEPS as f64)
+            .map(|k| (k as f64 + 0.5) * MAX_DISTANCE / STEPS as f64)
             .map(|distance| (distance, covariance(distance, lengths, [4e-4, 1e-4])))
             .collect();
         let found = field_scales(&Covariogram { steps });

@@ -29,7 +29,7 @@ pub struct Pull {
     pub weight: f64,
 }
 
-/// How near is near.
+/// The distance up to which samples count.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     /// Weight of a unit normal against a position (diagonal 1) in nearest neighbours.

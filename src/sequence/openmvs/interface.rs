@@ -7,13 +7,13 @@ use std::path::Path;
 
 /// What a `scene.mvs` says of its images.
 #[derive(Debug, PartialEq)]
-pub(super) struct Scene {
+pub(super) struct Interface {
     pub version: u32,
-    pub images: Vec<SceneImage>,
+    pub images: Vec<InterfaceImage>,
 }
 
 #[derive(Debug, PartialEq)]
-pub(super) struct SceneImage {
+pub(super) struct InterfaceImage {
     pub name: String,
     /// Whether it has a pose.
     pub calibrated: bool,
@@ -22,12 +22,12 @@ pub(super) struct SceneImage {
 const NEWEST_VERSION: u32 = 7;
 const NO_POSE: u32 = u32::MAX;
 
-pub(super) fn read(file: &Path) -> Result<Scene, SequenceError> {
+pub(super) fn read(file: &Path) -> Result<Interface, SequenceError> {
     let data = std::fs::read(file).map_err(|source| SequenceError::read(file, source))?;
     decode(&data, file)
 }
 
-pub(super) fn decode(data: &[u8], file: &Path) -> Result<Scene, SequenceError> {
+pub(super) fn decode(data: &[u8], file: &Path) -> Result<Interface, SequenceError> {
     let mut bytes = Bytes::new(file, data);
     let export = "export the interface format (MVSI) with InterfaceCOLMAP";
     match bytes.take(4, "magic number")? {
@@ -62,7 +62,7 @@ pub(super) fn decode(data: &[u8], file: &Path) -> Result<Scene, SequenceError> {
     }
     skip_geometry(&mut bytes, version)?;
     bytes.end("scene")?;
-    Ok(Scene { version, images })
+    Ok(Interface { version, images })
 }
 
 /// The length of a vector whose items have at least `item_bytes`.
@@ -96,7 +96,7 @@ fn skip_platform(bytes: &mut Bytes, version: u32) -> Result<(), SequenceError> {
     skip_vector(bytes, (9 + 3) * 8, "platform poses")
 }
 
-fn image(bytes: &mut Bytes, version: u32) -> Result<SceneImage, SequenceError> {
+fn image(bytes: &mut Bytes, version: u32) -> Result<InterfaceImage, SequenceError> {
     let name = string(bytes, "image name")?;
     if version > 4 {
         string(bytes, "image mask")?;
@@ -110,7 +110,7 @@ fn image(bytes: &mut Bytes, version: u32) -> Result<SceneImage, SequenceError> {
         bytes.skip(3, 4, "image depth range")?;
         skip_vector(bytes, 2 * 4 + 4 * 4, "image view scores")?;
     }
-    Ok(SceneImage {
+    Ok(InterfaceImage {
         name,
         calibrated: pose != NO_POSE,
     })
@@ -157,11 +157,11 @@ mod tests {
                 &[40.0, 40.0, 16.0, 12.0],
                 (32, 24),
             );
-            let scene = decode(&bytes, Path::new("scene.mvs")).unwrap();
-            assert_eq!(scene.version, version);
+            let interface = decode(&bytes, Path::new("scene.mvs")).unwrap();
+            assert_eq!(interface.version, version);
             assert_eq!(
-                scene.images[1],
-                SceneImage {
+                interface.images[1],
+                InterfaceImage {
                     name: "images/b.png".into(),
                     calibrated: true
                 }

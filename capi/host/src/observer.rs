@@ -10,7 +10,9 @@ use std::time::Instant;
 pub struct Progress<'a> {
     /// `initialise`, or as in `trace.csv`.
     pub stage: &'a str,
+    /// The solver call within the stage.
     pub step: usize,
+    /// The Ceres iteration within the call; 0 is its start.
     pub iteration: usize,
     /// Not a number before the first iteration.
     pub objective: f64,
@@ -24,14 +26,15 @@ pub type Observer = dyn Fn(&Progress) -> bool + Send + Sync;
 pub type LogSink = dyn Fn(Severity, &str) + Send + Sync;
 
 /// Calls an observer from many threads, one at a time, until it says stop.
-pub struct Watch<'a> {
+pub struct SerialObserver<'a> {
     observer: Option<&'a Observer>,
     began: Instant,
     stopped: AtomicBool,
     one_at_a_time: Mutex<()>,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> SerialObserver<'a> {
+    /// Calls `observer`; without one every call goes on.
     pub fn new(observer: Option<&'a Observer>) -> Self {
         Self {
             observer,
