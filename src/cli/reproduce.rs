@@ -101,77 +101,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .build_global()
         .context("threads")?;
     let effort = if args.quick { Effort::Quick } else { Effort::Full };
-    let benchmark = match args.quick {
-        true => None,
-        false => Some(Benchmark::load(&args.benchmark)?),
-    };
-    let rendered = match &benchmark {
-        Some(benchmark) => render(args, benchmark)?,
-        None => vec![Source {
-            name: "car".to_owned(),
-            folder: PathBuf::from(BUNDLED),
-            kind: SequenceKind::Rendered,
-            scene: None,
-        }],
-    };
-    anyhow::ensure!(
-        !rendered.is_empty(),
-        "{}, --frames {}: no sequence; name one and give at least its least number of frames",
-        args.benchmark.display(),
-        args.frames
-    );
-    anyhow::ensure!(
-        args.natural.is_empty() && args.real_input.is_empty() && args.openmvs_input.is_empty()
-            || args.what == What::Table1,
-        "--natural, --real-input, --openmvs-input: only table1 takes further sequences; leave them out"
-    );
-    let named = |folders: &[PathBuf], kind, suffix: &'static str| {
-        let source = move |folder: &PathBuf| {
-            let name = folder.file_name().unwrap_or_default();
-            Source {
-                name: name.to_string_lossy().into_owned() + suffix,
-                folder: folder.clone(),
-                kind,
-                scene: None,
-            }
-        };
-        folders.iter().map(source).collect::<Vec<_>>()
-    };
-    let real_input = named(&args.real_input, SequenceKind::RenderedRealInput, "-real-input");
-    let openmvs_input = named(
-        &args.openmvs_input,
-        SequenceKind::RenderedOpenMvsInput,
-        "-openmvs-input",
-    );
-    let natural = named(&args.natural, SequenceKind::Natural, "");
-    // Now, not after the hours that those before them take.
-    for source in real_input.iter().chain(&openmvs_input).chain(&natural) {
-        let subject = Subject::load(&source.name, &source.folder, load_options(effort))?;
-        anyhow::ensure!(
-            source.kind == SequenceKind::Natural || subject.sequence.truth.is_some(),
-            "{}: no [truth]; make it with spba-ceres import --truth",
-            source.folder.display()
-        );
-    }
+    let rendered = rendered(args)?;
+    let further = further(args, effort)?;
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let watch = StudyWatch::start()?;
     let jobs = Jobs::new(&args.cache.join("records"), &watch)?;
-    let mut all = rendered.clone();
-    all.extend(real_input);
-    all.extend(openmvs_input);
-    all.extend(natural);
     match args.what {
         What::Table1 => {
+            let all = [rendered, further].concat();
             let table = study::table1(with_kind(&all, effort), &jobs, effort)?;
             watch.finish();
-            write(
-                args,
-                "table1",
-                &all,
-                &table,
-                &table.details(),
-                Some(&table.summary()),
-            )
+            let summary = table.summary();
+            write(args, "table1", &all, &table, &table.details(), Some(&summary))
         }
         What::Fig6 => {
             let table = study::table1(with_kind(&rendered, effort), &jobs, effort)?;
@@ -184,38 +125,27 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let figure = study::fig7(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
             figure.draw(&args.out)?;
-            write(
-                args,
-                "fig7",
-                &rendered,
-                &figure,
-                &figure.table(),
-                Some(&figure.table()),
-            )
+            let table = figure.table();
+            write(args, "fig7", &rendered, &figure, &table, Some(&table))
         }
         What::Fig8 => {
             let figure = study::fig8(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
             figure.draw(&args.out)?;
-            write(
-                args,
-                "fig8",
-                &rendered,
-                &figure,
-                &figure.table(),
-                Some(&figure.summary()),
-            )
+            let summary = figure.summary();
+            write(args, "fig8", &rendered, &figure, &figure.table(), Some(&summary))
         }
         What::Ablation => {
             let table = study::ablation(lazily(&rendered, effort), &jobs, effort)?;
             watch.finish();
+            let summary = table.summary();
             write(
                 args,
                 "ablation",
                 &rendered,
                 &table,
                 &table.details(),
-                Some(&table.summary()),
+                Some(&summary),
             )
         }
         What::Fig3 => {
@@ -227,6 +157,67 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             write(args, "fig3", first, &figure, &figure.table(), None)
         }
     }
+}
+
+/// The benchmark's sequences, rendered where they are not yet; the bundled one with `--quick`. At least one.
+fn rendered(args: &Args) -> anyhow::Result<Vec<Source>> {
+    let rendered = match args.quick {
+        false => render(args, &Benchmark::load(&args.benchmark)?)?,
+        true => vec![Source {
+            name: "car".to_owned(),
+            folder: PathBuf::from(BUNDLED),
+            kind: SequenceKind::Rendered,
+            scene: None,
+        }],
+    };
+    anyhow::ensure!(
+        !rendered.is_empty(),
+        "{}, --frames {}: no sequence; name one and give at least its least number of frames",
+        args.benchmark.display(),
+        args.frames
+    );
+    Ok(rendered)
+}
+
+/// Sequences beside the benchmark's, each read once: what cannot be used is told now, not after the hours that those before them take.
+fn further(args: &Args, effort: Effort) -> anyhow::Result<Vec<Source>> {
+    let groups = [
+        (&args.real_input, SequenceKind::RenderedRealInput, "-real-input"),
+        (
+            &args.openmvs_input,
+            SequenceKind::RenderedOpenMvsInput,
+            "-openmvs-input",
+        ),
+        (&args.natural, SequenceKind::Natural, ""),
+    ];
+    anyhow::ensure!(
+        args.what == What::Table1 || groups.iter().all(|(folders, ..)| folders.is_empty()),
+        "--natural, --real-input, --openmvs-input: only table1 takes further sequences; leave them out"
+    );
+    let mut sources = Vec::new();
+    for (folders, kind, suffix) in groups {
+        for folder in folders {
+            let name = folder
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
+                + suffix;
+            let subject = Subject::load(&name, folder, load_options(effort))?;
+            anyhow::ensure!(
+                kind == SequenceKind::Natural || subject.sequence.truth.is_some(),
+                "{}: no [truth]; make it with spba-ceres import --truth",
+                folder.display()
+            );
+            sources.push(Source {
+                name,
+                folder: folder.clone(),
+                kind,
+                scene: None,
+            });
+        }
+    }
+    Ok(sources)
 }
 
 /// The benchmark's sequences of as many frames as asked for; those that are missing are rendered.

@@ -351,7 +351,7 @@ fn pixels(coordinates: [f64; 3], size: usize) -> std::ops::Range<usize> {
     low..(clamp(a.max(b).max(c) + 0.5) as usize).max(low)
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<_> = values.collect();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)

@@ -6,6 +6,7 @@ use super::folder::Staging;
 use super::page::{PAGE, write_page};
 use super::ply::Vertices;
 use super::sheet::Sheet;
+use super::surface::median;
 use super::texture::{Texture, TextureGatherer};
 use super::{Doubts, FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, trajectory};
@@ -281,6 +282,7 @@ fn summarise(
     object_from_input: Option<Similarity>,
 ) -> RunResult {
     let solution = input.solution;
+    let deviations = input.surface.deviations();
     let mut seconds = BTreeMap::new();
     for (stage, spent) in &solution.seconds {
         *seconds.entry(stage.clone()).or_insert(0.0) += spent;
@@ -310,7 +312,7 @@ fn summarise(
         },
         silhouette_iou_mean: mean(|frame| frame.silhouette_iou),
         density_mean: mean(|frame| frame.density),
-        shape_deviation_median: middle(input.surface.deviations()),
+        shape_deviation_median: (!deviations.is_empty()).then(|| median(deviations.iter().copied())),
         masks_anew: input.masks_anew.to_vec(),
         frames,
         evaluations: solution.evaluations,
@@ -320,12 +322,6 @@ fn summarise(
         peak_memory_mb: input.peak_memory_mb,
         hypotheses: solution.hypotheses.clone(),
     }
-}
-
-fn middle(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied()
 }
 
 pub(super) fn save_png(path: &Path, picture: &image::RgbImage) -> Result<(), ReportError> {

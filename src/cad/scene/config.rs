@@ -219,91 +219,11 @@ fn default_frames_per_second() -> f64 {
 impl Scene {
     /// Every option in its range.
     pub(super) fn check(&self) -> Result<(), CadError> {
-        let require = |holds: bool, field: &'static str, problem: &str| match holds {
-            true => Ok(()),
-            false => Err(CadError::Scene {
-                field,
-                problem: problem.to_owned(),
-            }),
-        };
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let share = |value: f64| (0.0..=1.0).contains(&value);
-        let spread = |value: f64| (0.0..1.0).contains(&value);
-        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-        let size = |value: usize| (1..=8192).contains(&value);
-        let (arc, camera) = (&self.arc, &self.camera);
-        require(
-            (2..=10_000).contains(&arc.frames),
-            "arc.frames",
-            "give 2 to 10000",
-        )?;
-        require(
-            finite(&arc.azimuth_deg),
-            "arc.azimuth_deg",
-            "give two finite angles",
-        )?;
-        require(
-            arc.elevation_deg.abs() < 90.0,
-            "arc.elevation_deg",
-            "give less than 90",
-        )?;
-        require(
-            positive(arc.distance) && arc.distance > 0.6,
-            "arc.distance",
-            "give more than 0.6, outside of the object",
-        )?;
-        require(
-            positive(arc.frames_per_second),
-            "arc.frames_per_second",
-            "give more than 0",
-        )?;
-        let jitter = &arc.jitter;
-        require(
-            (0.0..45.0).contains(&jitter.angle_deg),
-            "arc.jitter.angle_deg",
-            "give 0 to 45",
-        )?;
-        require(
-            spread(jitter.distance),
-            "arc.jitter.distance",
-            "give 0 to below 1",
-        )?;
-        require(spread(jitter.aim), "arc.jitter.aim", "give 0 to below 1")?;
-        require(
-            (0.0..0.2).contains(&jitter.zoom),
-            "arc.jitter.zoom",
-            "give 0 to below 0.2",
-        )?;
-        require(size(camera.width_px), "camera.width_px", "give 1 to 8192")?;
-        require(size(camera.height_px), "camera.height_px", "give 1 to 8192")?;
-        require(positive(camera.focal_px), "camera.focal_px", "give more than 0")?;
-        require(
-            finite(&camera.principal_px),
-            "camera.principal_px",
-            "give two finite numbers",
-        )?;
-        let light = &self.light;
-        let length: f64 = light.direction.iter().map(|x| x * x).sum();
-        require(
-            positive(length),
-            "light.direction",
-            "give a direction other than 0",
-        )?;
-        require(
-            finite(&[light.ambient, light.diffuse]),
-            "light",
-            "give finite numbers",
-        )?;
-        require(
-            finite(&light.turn_deg),
-            "light.turn_deg",
-            "give two finite angles",
-        )?;
-        require(
-            finite(&light.brightness) && light.brightness.iter().all(|&factor| factor >= 0.0),
-            "light.brightness",
-            "give two factors of 0 or more",
-        )?;
+        self.arc.check()?;
+        self.camera.check()?;
+        self.light.check()?;
+        self.input.check()?;
+        self.depth.check()?;
         require(
             (1..=15).contains(&self.samples_per_axis) && self.samples_per_axis % 2 == 1,
             "samples_per_axis",
@@ -326,37 +246,162 @@ impl Scene {
             "background",
             "give finite numbers",
         )?;
-        let input = &self.input;
-        require(positive(input.scale), "input.scale", "give more than 0")?;
+        Ok(())
+    }
+}
+
+impl Arc {
+    fn check(&self) -> Result<(), CadError> {
         require(
-            finite(&input.rotation_deg) && finite(&input.translation),
+            (2..=10_000).contains(&self.frames),
+            "arc.frames",
+            "give 2 to 10000",
+        )?;
+        require(
+            finite(&self.azimuth_deg),
+            "arc.azimuth_deg",
+            "give two finite angles",
+        )?;
+        require(
+            self.elevation_deg.abs() < 90.0,
+            "arc.elevation_deg",
+            "give less than 90",
+        )?;
+        require(
+            positive(self.distance) && self.distance > 0.6,
+            "arc.distance",
+            "give more than 0.6, outside of the object",
+        )?;
+        require(
+            positive(self.frames_per_second),
+            "arc.frames_per_second",
+            "give more than 0",
+        )?;
+        let jitter = &self.jitter;
+        require(
+            (0.0..45.0).contains(&jitter.angle_deg),
+            "arc.jitter.angle_deg",
+            "give 0 to 45",
+        )?;
+        require(
+            spread(jitter.distance),
+            "arc.jitter.distance",
+            "give 0 to below 1",
+        )?;
+        require(spread(jitter.aim), "arc.jitter.aim", "give 0 to below 1")?;
+        require(
+            (0.0..0.2).contains(&jitter.zoom),
+            "arc.jitter.zoom",
+            "give 0 to below 0.2",
+        )?;
+        Ok(())
+    }
+}
+
+impl Camera {
+    fn check(&self) -> Result<(), CadError> {
+        require(size(self.width_px), "camera.width_px", "give 1 to 8192")?;
+        require(size(self.height_px), "camera.height_px", "give 1 to 8192")?;
+        require(positive(self.focal_px), "camera.focal_px", "give more than 0")?;
+        require(
+            finite(&self.principal_px),
+            "camera.principal_px",
+            "give two finite numbers",
+        )?;
+        Ok(())
+    }
+}
+
+impl Lighting {
+    fn check(&self) -> Result<(), CadError> {
+        let length: f64 = self.direction.iter().map(|x| x * x).sum();
+        require(
+            positive(length),
+            "light.direction",
+            "give a direction other than 0",
+        )?;
+        require(
+            finite(&[self.ambient, self.diffuse]),
+            "light",
+            "give finite numbers",
+        )?;
+        require(finite(&self.turn_deg), "light.turn_deg", "give two finite angles")?;
+        require(
+            finite(&self.brightness) && self.brightness.iter().all(|&factor| factor >= 0.0),
+            "light.brightness",
+            "give two factors of 0 or more",
+        )?;
+        Ok(())
+    }
+}
+
+impl SimulatedInput {
+    fn check(&self) -> Result<(), CadError> {
+        require(positive(self.scale), "input.scale", "give more than 0")?;
+        require(
+            finite(&self.rotation_deg) && finite(&self.translation),
             "input",
             "give finite numbers",
         )?;
         require(
-            (0.0..90.0).contains(&input.rotation_noise_deg),
+            (0.0..90.0).contains(&self.rotation_noise_deg),
             "input.rotation_noise_deg",
             "give 0 to below 90",
         )?;
         require(
-            spread(input.translation_noise),
+            spread(self.translation_noise),
             "input.translation_noise",
             "give 0 to below 1",
         )?;
-        let depth = &self.depth;
-        require(depth.min_gradient >= 0.0, "depth.min_gradient", "give 0 or more")?;
+        Ok(())
+    }
+}
+
+impl SimulatedDepth {
+    fn check(&self) -> Result<(), CadError> {
+        require(self.min_gradient >= 0.0, "depth.min_gradient", "give 0 or more")?;
         require(
-            (0.0..0.3).contains(&depth.noise),
+            (0.0..0.3).contains(&self.noise),
             "depth.noise",
             "give 0 to below 0.3",
         )?;
         for (value, field) in [
-            (depth.holes, "depth.holes"),
-            (depth.outliers, "depth.outliers"),
-            (depth.background, "depth.background"),
+            (self.holes, "depth.holes"),
+            (self.outliers, "depth.outliers"),
+            (self.background, "depth.background"),
         ] {
             require(share(value), field, "give a share from 0 to 1")?;
         }
         Ok(())
     }
+}
+
+fn require(holds: bool, field: &'static str, problem: &str) -> Result<(), CadError> {
+    match holds {
+        true => Ok(()),
+        false => Err(CadError::Scene {
+            field,
+            problem: problem.to_owned(),
+        }),
+    }
+}
+
+fn positive(value: f64) -> bool {
+    value.is_finite() && value > 0.0
+}
+
+fn share(value: f64) -> bool {
+    (0.0..=1.0).contains(&value)
+}
+
+fn spread(value: f64) -> bool {
+    (0.0..1.0).contains(&value)
+}
+
+fn finite(values: &[f64]) -> bool {
+    values.iter().all(|value| value.is_finite())
+}
+
+fn size(value: usize) -> bool {
+    (1..=8192).contains(&value)
 }
