@@ -124,7 +124,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
     let (learned, prior_info) = prior::open(&config.prior)?;
     let learned = Arc::new(learned);
-    let prior: Arc<dyn ShapePrior> = learned.clone();
     #[cfg(feature = "vision")]
     let prepared = &prepared(input, out, &args.raw, &prior_info.category)?;
     #[cfg(not(feature = "vision"))]
@@ -146,21 +145,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let starts = starts(&sequence, &learned, &style, target, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
 
-    let solve = |sequence: &Sequence, starts: &[Initialisation]| -> anyhow::Result<Solution> {
-        let progress = progress::SolveProgress::start()?;
-        let solution = solver::solve(
-            &Footage::new(sequence, config.solver.levels)?,
-            &prior,
-            target,
-            starts,
-            &config.objective,
-            &config.solver,
-            &|row| progress.see(row),
-        )?;
-        progress.finish();
-        Ok(solution)
+    let problem = Problem {
+        prior: learned.clone(),
+        target,
+        config: &config,
     };
-    let mut solution = solve(&sequence, &starts)?;
+    let mut solution = problem.solve(&sequence, &starts)?;
     #[cfg_attr(not(feature = "vision"), expect(unused_mut))]
     let mut masks_anew: Vec<String> = Vec::new();
     #[cfg(feature = "vision")]
@@ -172,18 +162,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 "masks",
                 names.join(", ")
             );
-            let found = &solution.estimate;
-            let mut start = init::initialise_at(
-                &mended,
-                prior.as_ref(),
-                &style,
-                target,
-                &found.camera_from_object,
-                found.alpha,
-                &config.init,
-            )?;
-            start.estimate.focal_factor = found.focal_factor;
-            solution = solve(&mended, &[start])?.after(solution);
+            solution = problem.solve_from(&mended, &style, solution)?;
             sequence = mended;
             masks_anew = names;
         }
@@ -254,6 +233,50 @@ fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::
         super::prepare::IfMade::Replace,
     )?;
     Ok(folder)
+}
+
+/// What is solved, whatever the masks.
+struct Problem<'a> {
+    prior: Arc<LearnedPrior>,
+    /// The paper's target frame.
+    target: usize,
+    config: &'a Config,
+}
+
+impl Problem<'_> {
+    /// From the best of the starts, with a progress bar.
+    fn solve(&self, sequence: &Sequence, starts: &[Initialisation]) -> anyhow::Result<Solution> {
+        let progress = progress::SolveProgress::start()?;
+        let prior: Arc<dyn ShapePrior> = self.prior.clone();
+        let solution = solver::solve(
+            &Footage::new(sequence, self.config.solver.levels)?,
+            &prior,
+            self.target,
+            starts,
+            &self.config.objective,
+            &self.config.solver,
+            &|row| progress.see(row),
+        )?;
+        progress.finish();
+        Ok(solution)
+    }
+
+    /// Again, from the cameras that were found with other masks, and the style from `style`.
+    #[cfg(feature = "vision")]
+    fn solve_from(&self, sequence: &Sequence, style: &[f64], earlier: Solution) -> anyhow::Result<Solution> {
+        let found = &earlier.estimate;
+        let mut start = init::initialise_at(
+            sequence,
+            self.prior.as_ref(),
+            style,
+            self.target,
+            &found.camera_from_object,
+            found.alpha,
+            &self.config.init,
+        )?;
+        start.estimate.focal_factor = found.focal_factor;
+        Ok(self.solve(sequence, &[start])?.after(earlier))
+    }
 }
 
 /// The sequence with masks that its solved shape explains better, and the names of the frames whose masks these are.
