@@ -5,6 +5,7 @@ use std::hash::Hash;
 use std::path::Path;
 
 static RUST: Dir = include_dir!("$CARGO_MANIFEST_DIR/src");
+#[cfg(any(feature = "study", feature = "vision"))]
 static CPP: Dir = include_dir!("$CARGO_MANIFEST_DIR/cpp");
 
 /// Feeds `hasher` the files of `src/`, with their paths relative to it, but those whose path or folder does not count.
@@ -13,6 +14,7 @@ pub(crate) fn hash_rust(counts: impl Fn(&Path) -> bool, hasher: &mut impl std::h
 }
 
 /// Feeds `hasher` the files of `cpp/`.
+#[cfg(any(feature = "study", feature = "vision"))]
 pub(crate) fn hash_cpp(hasher: &mut impl std::hash::Hasher) {
     hash(&CPP, &|_| true, hasher);
 }
