@@ -15,6 +15,7 @@ mod render;
 mod report;
 mod reproduce;
 mod solve;
+mod summary;
 
 use clap::{Parser, Subcommand};
 use std::io::IsTerminal;

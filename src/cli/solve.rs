@@ -6,6 +6,7 @@ use super::input::read;
 #[cfg(feature = "vision")]
 use super::prepare::RawArgs;
 use super::progress;
+use super::summary::summarise;
 use anyhow::Context;
 use serde::Serialize;
 use spba_ceres::config::{Config, ConfigError, Setting};
@@ -16,7 +17,9 @@ use spba_ceres::prepare::{Input, PrepareError};
 use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
 use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
 use spba_ceres::sequence::{Frame, Sequence};
-use spba_ceres::solver::{Solution, SolveError, Termination};
+#[cfg(feature = "vision")]
+use spba_ceres::solver::Termination;
+use spba_ceres::solver::{Solution, SolveError};
 use spba_ceres::{regressor, solver};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -383,15 +386,15 @@ fn starts(
         .map(of_frame)
         .collect::<anyhow::Result<Vec<_>>>()?;
     let alpha = result.alpha.unwrap_or(1.0);
-    Ok(vec![init::initialise_at(
-        sequence,
-        prior,
-        style,
-        target,
-        &cameras,
-        alpha,
-        &config.init,
-    )?])
+    let mut start = init::initialise_at(sequence, prior, style, target, &cameras, alpha, &config.init)?;
+    if config
+        .objective
+        .focal_deviation
+        .is_some_and(|deviation| deviation > 0.0)
+    {
+        start.estimate.focal_factor = result.focal_factor;
+    }
+    Ok(vec![start])
 }
 
 /// Flag over --set over file over default.
@@ -441,61 +444,4 @@ fn add_flag(
         settings.push(Setting::of_flag(flag, key, value)?);
     }
     Ok(())
-}
-
-fn summarise(solution: &Solution, written: &report::Written, is_mesh: bool) {
-    let result = &written.result;
-    let how = match solution.termination {
-        Termination::BelowThreshold => "below the threshold",
-        Termination::Converged => "converged",
-        Termination::StepLimit => "stopped at the step limit",
-        Termination::Interrupted => "interrupted; this is the best state so far",
-    };
-    println!(
-        "objective        {:.1} -> {:.1}, {how} after {} iterations, {} evaluations",
-        solution.objective_start.total,
-        solution.objective_end.total,
-        solution.iterations,
-        solution.evaluations.residual + solution.evaluations.jacobian,
-    );
-    if result.focal_factor != 1.0 {
-        println!("focal length     times {:.3}", result.focal_factor);
-    }
-    println!("silhouette IoU   {:.3}", result.silhouette_iou_mean);
-    println!("density          {:.3}", result.density_mean);
-    print_deviations(result);
-    let seconds: Vec<String> = solution
-        .seconds
-        .iter()
-        .map(|(stage, seconds)| format!("{stage} {seconds:.1} s"))
-        .collect();
-    println!("time             {}", seconds.join(", "));
-    let folder = written.folder.display();
-    println!("shape            {folder}/shape.ply");
-    if is_mesh {
-        println!("mesh             {folder}/mesh.glb, {folder}/mesh.ply");
-    }
-    println!("cameras          {folder}/cameras.txt (TUM), {folder}/colmap/ (COLMAP), {folder}/result.json");
-    println!(
-        "report           {} (first: open it in a browser)",
-        written.page.display()
-    );
-    println!(
-        "pictures         {}, {folder}/overlay/",
-        written.contact_sheet.display()
-    );
-}
-/// How sure the cameras are, on average, and the shape, where that is known.
-fn print_deviations(result: &RunResult) {
-    let Some(cameras) = result.mean_camera_deviation() else {
-        return;
-    };
-    let shape = result.shape_deviation_median.map_or_else(String::new, |shape| {
-        format!("; shape {:.2} % (median)", 100.0 * shape)
-    });
-    println!(
-        "deviation        cameras {:.2} deg, {:.2} % of the diagonal{shape}",
-        cameras.rotation_deg,
-        100.0 * cameras.location,
-    );
 }

@@ -119,6 +119,11 @@ impl<'a> Objective<'a> {
         })
     }
 
+    /// The options in use: what was given, with what the sequence says of itself where nothing was.
+    pub fn options(&self) -> &ObjectiveOptions {
+        &self.matcher.options
+    }
+
     /// X(s) of the points that Eq. 4, 6 and the second sum of Eq. 5 use: xyz after xyz, object frame.
     pub fn points(&self, estimate: &Estimate) -> Vec<f64> {
         self.matcher.points(&estimate.style)

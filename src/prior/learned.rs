@@ -1,10 +1,11 @@
 //! A prior as files hold it: hidden layers, none for a linear prior, and a linear output layer, so that X and ∂X/∂s are a
 //! few matrix products.
 
+use super::deviations::FrameDerivative;
 #[cfg(feature = "cad")]
 use super::learn::spacing;
 use super::linear::InvalidPrior;
-use super::surface::{FrameDerivative, FreeForm, SurfacePrior};
+use super::surface::{FreeForm, SurfacePrior};
 use super::{LinearPrior, ShapePrior};
 use crate::geometry::Similarity;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Vector3};

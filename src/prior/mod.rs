@@ -1,5 +1,6 @@
 //! Learned, category-specific shape priors: X = G(s).
 
+mod deviations;
 #[cfg(feature = "cad")]
 mod evaluate;
 mod field;
@@ -19,6 +20,7 @@ mod surface;
 #[cfg(feature = "cad")]
 mod surface_sheet;
 
+pub use deviations::FrameDerivative;
 #[cfg(feature = "cad")]
 pub use evaluate::{DEFAULT_NOISE, Fit, FitError, Learner, chamfer, leave_one_out, points_of, style_of};
 pub use field::{FieldModes, FieldScale, field_modes};
@@ -37,7 +39,7 @@ pub(crate) use mesh::subdivided;
 pub use mesh::{Distortion, InvalidMesh, MirroredMesh, distortion, write_mesh};
 #[cfg(feature = "cad")]
 pub use sheet::contact_sheet;
-pub use surface::{FrameDerivative, FreeForm, SurfacePoint, SurfacePrior};
+pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 
 use crate::geometry::Similarity;
 use std::sync::Arc;

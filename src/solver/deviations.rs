@@ -29,30 +29,40 @@ pub struct CameraDeviation {
 }
 
 impl Deviations {
-    /// Of `found`, the minimum of `objective` in the prior's frame, whose style is (s, g) with `styles` entries in s. `None` where the style has no
-    /// weight, so that there is no unit, and where the objective does not hold every variable.
+    /// Of `found`, the minimum of `objective` in the prior's frame, whose style is (s, g) with `styles` entries in s. A focal length that the
+    /// objective holds counts as known. `None` where the style has no weight, so that there is no unit, and where the objective does not
+    /// hold every pose and coordinate.
     ///
     /// # Errors
     /// A failing objective.
-    pub(super) fn at(
+    pub(crate) fn at(
         objective: &mut Objective,
         prior: &dyn ShapePrior,
         found: &Estimate,
         styles: usize,
-        style_weight: f64,
     ) -> Result<Option<Self>, ObjectiveError> {
+        let options = objective.options();
+        let style_weight = options.style_weight;
+        let finds_focal = options.focal_deviation.is_some_and(|deviation| deviation > 0.0);
         if style_weight <= 0.0 {
             return Ok(None);
         }
         let visibility = objective.visibility(found, 0)?;
         let (gradient, normal_matrix) = objective.differentiate(found, &visibility)?;
         let count = gradient.len();
+        let first_style = 6 * found.frame_count();
+        let coordinates = found.style.len();
         let normal_matrix = DMatrix::from_row_slice(count, count, &normal_matrix) / style_weight;
+        // Log focal is the last variable.
+        let found_count = if finds_focal { count } else { count - 1 };
+        let normal_matrix = normal_matrix.resize(found_count, found_count, 0.0);
+        let is_held = |i: usize| normal_matrix[(i, i)] > 0.0;
+        if !(0..first_style + coordinates).all(is_held) {
+            return Ok(None);
+        }
         let Some(covariance) = inverse(&normal_matrix) else {
             return Ok(None);
         };
-        let first_style = 6 * found.frame_count();
-        let coordinates = found.style.len();
         let of_shape = covariance.view((first_style, first_style), (coordinates, coordinates));
         let Some(shape) = of_shape.into_owned().cholesky() else {
             return Ok(None);
