@@ -242,10 +242,14 @@ fn a_solve_starts_where_it_is_told() {
     let [first, second, third] = ["first", "second", "third"].map(|name| folder.path().join(name));
     solve(&car(), &first, &QUICK).success();
     let path = first.to_str().unwrap();
-    let objective = |out: &Path, when: &str| -> f64 {
+    let result = |out: &Path| -> serde_json::Value {
         let text = std::fs::read_to_string(out.join("result.json")).unwrap();
-        let result: serde_json::Value = serde_json::from_str(&text).unwrap();
-        result["objective"][when]["total"].as_f64().unwrap()
+        serde_json::from_str(&text).unwrap()
+    };
+    let starts = |out: &Path| -> Vec<f64> {
+        let hypotheses = result(out)["hypotheses"].as_array().unwrap().clone();
+        let start = |hypothesis: &serde_json::Value| hypothesis["objective_start"].as_f64().unwrap();
+        hypotheses.iter().map(start).collect()
     };
     solve(
         &car(),
@@ -254,10 +258,13 @@ fn a_solve_starts_where_it_is_told() {
     )
     .success();
     solve(&car(), &third, &[&QUICK[..], &["--init-style", path]].concat()).success();
-    assert!(objective(&second, "end") < objective(&first, "end"));
-    let text = std::fs::read_to_string(second.join("result.json")).unwrap();
-    let result: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(result["hypotheses"].as_array().unwrap().len(), 1);
+    // The poses found are a better start than those of the templates, which the second has none of.
+    let (of_result, of_templates) = (starts(&second), starts(&third));
+    assert_eq!(of_result.len(), 1);
+    assert!(
+        of_templates.iter().all(|start| of_result[0] < 0.8 * start),
+        "{of_result:?} {of_templates:?}"
+    );
 
     let pose_of_two = ["--frames", "0..3", "--init-pose", path];
     refused(

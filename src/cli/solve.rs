@@ -116,15 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return Ok(());
     };
     report::check_out(out)?;
-    config.solver.threads = match config.threads {
-        0 => std::thread::available_parallelism().map_or(1, usize::from),
-        threads => threads,
-    };
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(config.threads)
-        .build_global()
-        .context("threads")?;
-
+    start_threads(&mut config)?;
     let (learned, prior_info) = prior::open(&config.prior)?;
     let learned = Arc::new(learned);
     #[cfg(feature = "vision")]
@@ -135,14 +127,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut sequence = read(prepared, &config.input.load_options()?)?;
     let loading_seconds = began.elapsed().as_secs_f64();
 
-    // The result's configuration says what was held, not where that came from.
-    for (held, said) in [
-        (&mut config.objective.motion_deviation, sequence.motion_deviation),
-        (&mut config.objective.focal_deviation, sequence.focal_deviation),
-    ] {
-        *held = Some(held.or(said).unwrap_or(0.0));
-    }
-
+    say_what_is_held(&mut config, &sequence);
     let style = start_style(&sequence, &learned, &prior_info, &config.start.style)?;
     let target = config.input.target_of(sequence.frames.len())?;
     let starts = starts(&sequence, &learned, &style, target, &config)?;
@@ -154,22 +139,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         config: &config,
     };
     let mut solution = problem.solve(&sequence, &starts)?;
-    #[cfg_attr(not(feature = "vision"), expect(unused_mut))]
-    let mut masks_anew: Vec<String> = Vec::new();
+    #[cfg(not(feature = "vision"))]
+    let masks_anew: Vec<String> = Vec::new();
     #[cfg(feature = "vision")]
-    if prepared != input && solution.termination != Termination::Interrupted {
-        let mended = with_masks_by_shape(&sequence, &learned, &solution, &args.raw, &prior_info.category)?;
-        if let Some((mended, names)) = mended {
-            println!(
-                "{:16} decided anew where the shape did not explain them: {}",
-                "masks",
-                names.join(", ")
-            );
-            solution = problem.solve_from(&mended, &style, solution)?;
-            sequence = mended;
-            masks_anew = names;
-        }
-    }
+    let masks_anew = match prepared != input {
+        true => problem.mend_masks(
+            &mut sequence,
+            &style,
+            &mut solution,
+            &args.raw,
+            &prior_info.category,
+        )?,
+        false => Vec::new(),
+    };
     // What follows sees the cameras that were found.
     sequence = sequence.edited(|content| {
         for frame in &mut content.frames {
@@ -211,6 +193,28 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         out.display()
     );
     Ok(())
+}
+
+/// As many as the configuration says, or one per core.
+fn start_threads(config: &mut Config) -> anyhow::Result<()> {
+    config.solver.threads = match config.threads {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        threads => threads,
+    };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(config.threads)
+        .build_global()
+        .context("threads")
+}
+
+/// The result's configuration says what was held, not where that came from.
+fn say_what_is_held(config: &mut Config, sequence: &Sequence) {
+    for (held, said) in [
+        (&mut config.objective.motion_deviation, sequence.motion_deviation),
+        (&mut config.objective.focal_deviation, sequence.focal_deviation),
+    ] {
+        *held = Some(held.or(said).unwrap_or(0.0));
+    }
 }
 
 /// The input, or the sequence folder that is made of it first: beside the result, under the input's name.
@@ -264,6 +268,33 @@ impl Problem<'_> {
         Ok(solution)
     }
 
+    /// Masks that the shape does not explain, decided anew, and the solve gone on with them; the names of their frames.
+    #[cfg(feature = "vision")]
+    fn mend_masks(
+        &self,
+        sequence: &mut Sequence,
+        style: &[f64],
+        solution: &mut Solution,
+        raw: &RawArgs,
+        category: &str,
+    ) -> anyhow::Result<Vec<String>> {
+        if solution.termination == Termination::Interrupted {
+            return Ok(Vec::new());
+        }
+        let Some((mended, names)) = with_masks_by_shape(sequence, &self.prior, solution, raw, category)?
+        else {
+            return Ok(Vec::new());
+        };
+        println!(
+            "{:16} decided anew where the shape did not explain them: {}",
+            "masks",
+            names.join(", ")
+        );
+        *solution = self.solve_from(&mended, style, solution.clone())?;
+        *sequence = mended;
+        Ok(names)
+    }
+
     /// Again, from the cameras that were found with other masks, and the style from `style`.
     #[cfg(feature = "vision")]
     fn solve_from(&self, sequence: &Sequence, style: &[f64], earlier: Solution) -> anyhow::Result<Solution> {
@@ -271,7 +302,7 @@ impl Problem<'_> {
         let mut start = init::initialise_at(
             sequence,
             self.prior.as_ref(),
-            style,
+            (style, &[]),
             self.target,
             &found.camera_from_object,
             found.alpha,
@@ -386,7 +417,13 @@ fn starts(
         .map(of_frame)
         .collect::<anyhow::Result<Vec<_>>>()?;
     let alpha = result.alpha.unwrap_or(1.0);
-    let mut start = init::initialise_at(sequence, prior, style, target, &cameras, alpha, &config.init)?;
+    let free_form = if config.start.style == *pose {
+        &result.free_form[..]
+    } else {
+        &[]
+    };
+    let shape = (style, free_form);
+    let mut start = init::initialise_at(sequence, prior, shape, target, &cameras, alpha, &config.init)?;
     if config
         .objective
         .focal_deviation

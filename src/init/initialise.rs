@@ -205,14 +205,14 @@ pub fn initialise_while(
 }
 
 /// The starting point of an earlier estimate, in the canonical frame: `camera_from_object` of every frame and α. The style is `style`, whose shape
-/// takes the earlier one's place.
+/// takes the earlier one's place: where it is the earlier style, `free_form` is what bent it, else empty.
 ///
 /// # Errors
 /// As [`initialise`]; not as many poses as frames.
 pub fn initialise_at(
     sequence: &Sequence,
     prior: &dyn ShapePrior,
-    style: &[f64],
+    (style, free_form): (&[f64], &[f64]),
     target: usize,
     camera_from_object: &[Pose],
     alpha: f64,
@@ -231,7 +231,7 @@ pub fn initialise_at(
         alpha,
         focal_factor: 1.0,
     };
-    if let Some(canonical_from_shape) = prior.canonical_from_shape(style, &[]) {
+    if let Some(canonical_from_shape) = prior.canonical_from_shape(style, free_form) {
         estimate = estimate.in_frame(&canonical_from_shape.inverse());
     }
     let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];

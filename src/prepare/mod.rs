@@ -29,6 +29,7 @@ use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
 use motion::{FocalEvidence, MaskedImage, Motion};
+use refine::Refined;
 use std::path::Path;
 use std::time::Instant;
 
@@ -77,6 +78,150 @@ pub struct StageReport {
 /// Sees a stage under way: its name, how many steps it has, and each one done. False stops.
 pub type ProgressCallback<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
 
+/// What is to be done, the stages that are done, and when the one under way began.
+struct Work<'a> {
+    options: &'a PrepareOptions,
+    cache: &'a Cache,
+    watch: &'a ProgressCallback<'a>,
+    stages: Vec<StageReport>,
+    began: Instant,
+}
+
+impl Work<'_> {
+    /// What the stage under way did; the next one begins.
+    fn end(&mut self, name: &'static str, words: String) {
+        self.stages.push(StageReport {
+            name,
+            words,
+            seconds: self.began.elapsed().as_secs_f64(),
+            peak_memory_mb: peak_memory_mb(),
+        });
+        self.began = Instant::now();
+        forget_peak_memory();
+    }
+
+    /// The photos in which the object was found, and its masks.
+    fn with_object(&mut self, photos: Vec<Photo>, key: Key) -> Result<(Vec<Photo>, Vec<Mask>), PrepareError> {
+        let masks::Found { masks, words } =
+            masks::masks(&photos, &self.options.masks, self.cache, key, &|steps| {
+                (self.watch)("masks", steps)
+            })?;
+        let count = photos.len();
+        let (with_object, without): (Vec<_>, Vec<_>) = photos
+            .into_iter()
+            .zip(masks)
+            .partition(|(_, mask)| mask.is_some());
+        let (photos, masks): (Vec<Photo>, Vec<Mask>) = with_object
+            .into_iter()
+            .filter_map(|(photo, mask)| Some((photo, mask?)))
+            .unzip();
+        let without: Vec<&str> = without.iter().map(|(photo, _)| photo.name.as_str()).collect();
+        if photos.len() < 2 {
+            return Err(PrepareError::NoObject {
+                found: photos.len(),
+                frames: count,
+            });
+        }
+        let share = masks.iter().map(Mask::share).sum::<f64>() / masks.len() as f64;
+        let mut words = format!("{words}, {:.0} % of a picture", 100.0 * share);
+        if !without.is_empty() {
+            words += &format!("; dropped, no object found: {}", without.join(", "));
+        }
+        self.end("masks", words);
+        Ok((photos, masks))
+    }
+
+    /// The best motion of those that start from every candidate focal length, and what was known of the focal length before.
+    fn moved(
+        &self,
+        photos: &[Photo],
+        masks: &[Mask],
+        key: Key,
+    ) -> Result<(Motion, Option<FocalEvidence>, FocalSource), PrepareError> {
+        let (options, cache, watch) = (self.options, self.cache, self.watch);
+        let (cameras, focal_source) = focal::cameras(photos, options.focal)?;
+        let motion_options = MotionOptions {
+            focal_deviation: focal_source.deviation(),
+            ..options.motion.clone()
+        };
+        let motion = cache.get_or("motion", key, || {
+            let matching = cache.get_or("matches", key, || {
+                let views: Vec<MaskedImage> = photos
+                    .iter()
+                    .zip(masks)
+                    .map(|(photo, mask)| MaskedImage {
+                        image: &photo.image,
+                        mask,
+                    })
+                    .collect();
+                motion::match_features(&views, &|pairs| watch("matches", pairs))
+            })?;
+            let mut best: Option<Motion> = None;
+            let mut failure = StructureFromMotionError::NoPair { matched: 0 };
+            for camera in &cameras {
+                if !watch("motion", cameras.len()) {
+                    return Err(StructureFromMotionError::Interrupted);
+                }
+                match motion::motion(&matching, camera, &motion_options) {
+                    Ok(found) if best.as_ref().is_none_or(|best| score(&found) > score(best)) => {
+                        best = Some(found);
+                    }
+                    Ok(_) => {}
+                    Err(error) => failure = error,
+                }
+            }
+            best.ok_or(failure)
+        })?;
+        let known = (focal_source != FocalSource::Refined).then(|| FocalEvidence {
+            px: cameras.first().map_or(motion.camera.fx, |camera| camera.fx),
+            deviation: focal_source.deviation(),
+        });
+        Ok((motion, known, focal_source))
+    }
+
+    /// Depth by a plane sweep, and poses and depth after their refinement.
+    fn refined(
+        &mut self,
+        photos: &[Photo],
+        masks: &[Mask],
+        motion: &Motion,
+        key: Key,
+    ) -> Result<Refined, PrepareError> {
+        let (options, watch) = (self.options, self.watch);
+        let placed = motion.camera_from_input.iter().flatten().count();
+        let neighbours = depth::neighbours(motion, options.depth.neighbours);
+        let images: Vec<_> = photos
+            .iter()
+            .zip(masks)
+            .map(|(photo, mask)| (&photo.image, mask))
+            .collect();
+        let depths = self.cache.get_or("depth", key, || {
+            depth::sweep(&images, motion, &neighbours, &options.depth, &|| {
+                watch("depth", placed)
+            })
+            .ok_or(PrepareError::Interrupted)
+        })?;
+        self.end(
+            "depth",
+            format!("{:.1} % of the masks", 100.0 * known_share(&depths, masks)),
+        );
+        let refined = self.cache.get_or("refined", key.and(&options.refine), || {
+            refine::refine(&images, motion, &depths, &neighbours, &options.refine, &|| {
+                watch("refinement", placed + 1)
+            })?
+            .ok_or(PrepareError::Interrupted)
+        })?;
+        self.end(
+            "refinement",
+            format!(
+                "poses and depth by what pixels look like: {:.1} % of the masks left",
+                100.0 * known_share(&refined.depths, masks)
+            ),
+        );
+        Ok(refined)
+    }
+}
+
 /// Makes a sequence of a video or a folder of pictures. What `cache` holds of earlier runs is not made again.
 ///
 /// # Errors
@@ -87,6 +232,44 @@ pub fn prepare(
     cache: &Cache,
     watch: &ProgressCallback,
 ) -> Result<Prepared, PrepareError> {
+    check(options)?;
+    forget_peak_memory();
+    let mut work = Work {
+        options,
+        cache,
+        watch,
+        stages: Vec::new(),
+        began: Instant::now(),
+    };
+    let found = Input::find(input)?;
+    let key = stamp::contents(&found.files())?.and(&options.photos);
+    let Photos { photos, notes } = found.read(&options.photos)?;
+    let (width, height) = photos.first().map_or((0, 0), |photo| photo.image.size());
+    let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
+    work.end("frames", format!("{} of {width} × {height}{notes}", photos.len()));
+
+    let (photos, masks) = work.with_object(photos, key)?;
+    let contents: Vec<&[bool]> = masks.iter().map(Mask::data).collect();
+    let key = Key::of(&(key, contents)).and(&options.motion).and(&options.focal);
+    let (motion, known_focal, focal_source) = work.moved(&photos, &masks, key)?;
+    work.end(
+        "motion",
+        motion_in_words(&photos, &motion, &focal_source.say(&motion, known_focal)),
+    );
+    let key = key.and(&options.depth);
+    let refined = work.refined(&photos, &masks, &motion, key)?;
+    let name = input
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    Ok(Prepared {
+        sequence: sequence_of(name, photos, masks, &motion, refined)?,
+        stages: work.stages,
+    })
+}
+
+fn check(options: &PrepareOptions) -> Result<(), PrepareError> {
     for (option, value, least, mend) in [
         ("--max-frames", options.photos.max_frames, 2, "give 2 or more"),
         ("--max-size", options.photos.longest_px, 64, "give 64 or more"),
@@ -99,55 +282,11 @@ pub fn prepare(
             });
         }
     }
-    let mut stages = Vec::new();
-    let mut began = Instant::now();
-    forget_peak_memory();
-    let mut stage = |name, words: String| {
-        stages.push(StageReport {
-            name,
-            words,
-            seconds: began.elapsed().as_secs_f64(),
-            peak_memory_mb: peak_memory_mb(),
-        });
-        began = Instant::now();
-        forget_peak_memory();
-    };
-    let found = Input::find(input)?;
-    let key = stamp::contents(&found.files())?.and(&options.photos);
-    let Photos { photos, notes } = found.read(&options.photos)?;
-    let (width, height) = photos.first().map_or((0, 0), |photo| photo.image.size());
-    let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
-    stage("frames", format!("{} of {width} × {height}{notes}", photos.len()));
+    Ok(())
+}
 
-    let masks::Found { masks, words } = masks::masks(&photos, &options.masks, cache, key, &|steps| {
-        watch("masks", steps)
-    })?;
-    let count = photos.len();
-    let (with_object, without): (Vec<_>, Vec<_>) = photos
-        .into_iter()
-        .zip(masks)
-        .partition(|(_, mask)| mask.is_some());
-    let (photos, masks): (Vec<Photo>, Vec<Mask>) = with_object
-        .into_iter()
-        .filter_map(|(photo, mask)| Some((photo, mask?)))
-        .unzip();
-    let without: Vec<&str> = without.iter().map(|(photo, _)| photo.name.as_str()).collect();
-    if photos.len() < 2 {
-        return Err(PrepareError::NoObject {
-            found: photos.len(),
-            frames: count,
-        });
-    }
-    let share = masks.iter().map(Mask::share).sum::<f64>() / masks.len() as f64;
-    let mut words = format!("{words}, {:.0} % of a picture", 100.0 * share);
-    if !without.is_empty() {
-        words += &format!("; dropped, no object found: {}", without.join(", "));
-    }
-    stage("masks", words);
-
-    let contents: Vec<&[bool]> = masks.iter().map(Mask::data).collect();
-    let key = Key::of(&(key, contents)).and(&options.motion).and(&options.focal);
-    let (motion, known_focal, focal_source) = moved(&photos, &masks, options, cache, key, watch)?;
+/// What the motion stage found. `focal` says the same of the focal length.
+fn motion_in_words(photos: &[Photo], motion: &Motion, focal: &str) -> String {
     let placed = motion.camera_from_input.iter().flatten().count();
     let lost: Vec<&str> = photos
         .iter()
@@ -156,11 +295,10 @@ pub fn prepare(
         .map(|(photo, _)| photo.name.as_str())
         .collect();
     let mut words = format!(
-        "{placed} of {} frames placed, {} points, {:.2} px; {}",
+        "{placed} of {} frames placed, {} points, {:.2} px; {focal}",
         photos.len(),
         motion.points.len(),
         motion.error_px,
-        focal_source.say(&motion, known_focal),
     );
     if !lost.is_empty() {
         words += &format!(
@@ -171,40 +309,17 @@ pub fn prepare(
     if placed < lost.len() {
         words += ", IN DOUBT: most frames are lost; give pictures that are nearer to each other";
     }
-    stage("motion", words);
+    words
+}
 
-    let neighbours = depth::neighbours(&motion, options.depth.neighbours);
-    let images: Vec<_> = photos
-        .iter()
-        .zip(&masks)
-        .map(|(photo, mask)| (&photo.image, mask))
-        .collect();
-    let key = key.and(&options.depth);
-    let depths = cache.get_or("depth", key, || {
-        depth::sweep(&images, &motion, &neighbours, &options.depth, &|| {
-            watch("depth", placed)
-        })
-        .ok_or(PrepareError::Interrupted)
-    })?;
-    stage(
-        "depth",
-        format!("{:.1} % of the masks", 100.0 * known_share(&depths, &masks)),
-    );
-
-    let refined = cache.get_or("refined", key.and(&options.refine), || {
-        refine::refine(&images, &motion, &depths, &neighbours, &options.refine, &|| {
-            watch("refinement", placed + 1)
-        })?
-        .ok_or(PrepareError::Interrupted)
-    })?;
-    stage(
-        "refinement",
-        format!(
-            "poses and depth by what pixels look like: {:.1} % of the masks left",
-            100.0 * known_share(&refined.depths, &masks)
-        ),
-    );
-
+/// The frames that were placed.
+fn sequence_of(
+    name: String,
+    photos: Vec<Photo>,
+    masks: Vec<Mask>,
+    motion: &Motion,
+    refined: Refined,
+) -> Result<Sequence, PrepareError> {
     let frames = photos
         .into_iter()
         .zip(masks)
@@ -223,70 +338,13 @@ pub fn prepare(
             })
         })
         .collect();
-    let name = input
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    Ok(Prepared {
-        sequence: Sequence::new(SequenceContent {
-            name,
-            frames,
-            motion_deviation: Some(MOTION_DEVIATION),
-            focal_deviation: Some(motion.focal_deviation).filter(|&deviation| deviation > 0.0),
-            truth: None,
-        })?,
-        stages,
-    })
-}
-
-/// The best motion of those that start from every candidate focal length, and what was known of the focal length before.
-fn moved(
-    photos: &[Photo],
-    masks: &[Mask],
-    options: &PrepareOptions,
-    cache: &Cache,
-    key: Key,
-    watch: &ProgressCallback,
-) -> Result<(Motion, Option<FocalEvidence>, FocalSource), PrepareError> {
-    let (cameras, focal_source) = focal::cameras(photos, options.focal)?;
-    let motion_options = MotionOptions {
-        focal_deviation: focal_source.deviation(),
-        ..options.motion.clone()
-    };
-    let motion = cache.get_or("motion", key, || {
-        let matching = cache.get_or("matches", key, || {
-            let views: Vec<MaskedImage> = photos
-                .iter()
-                .zip(masks)
-                .map(|(photo, mask)| MaskedImage {
-                    image: &photo.image,
-                    mask,
-                })
-                .collect();
-            motion::match_features(&views, &|pairs| watch("matches", pairs))
-        })?;
-        let mut best: Option<Motion> = None;
-        let mut failure = StructureFromMotionError::NoPair { matched: 0 };
-        for camera in &cameras {
-            if !watch("motion", cameras.len()) {
-                return Err(StructureFromMotionError::Interrupted);
-            }
-            match motion::motion(&matching, camera, &motion_options) {
-                Ok(found) if best.as_ref().is_none_or(|best| score(&found) > score(best)) => {
-                    best = Some(found);
-                }
-                Ok(_) => {}
-                Err(error) => failure = error,
-            }
-        }
-        best.ok_or(failure)
-    })?;
-    let known = (focal_source != FocalSource::Refined).then(|| FocalEvidence {
-        px: cameras.first().map_or(motion.camera.fx, |camera| camera.fx),
-        deviation: focal_source.deviation(),
-    });
-    Ok((motion, known, focal_source))
+    Ok(Sequence::new(SequenceContent {
+        name,
+        frames,
+        motion_deviation: Some(MOTION_DEVIATION),
+        focal_deviation: Some(motion.focal_deviation).filter(|&deviation| deviation > 0.0),
+        truth: None,
+    })?)
 }
 
 /// Pixels with depth over all pixels, of the masks of placed frames.

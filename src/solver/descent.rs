@@ -6,7 +6,7 @@ use super::{
 };
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
-use crate::objective::{Block, Call, Objective, ObjectiveError};
+use crate::objective::{Block, Call, Iteration, Objective, ObjectiveError, Visibility};
 use crate::sequence::Sequence;
 use cpu_time::{ProcessTime, ThreadTime};
 
@@ -53,7 +53,6 @@ pub(super) fn descend(
 ) -> Result<Descent, ObjectiveError> {
     let clock = CpuClock::start(options.threads);
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
-    let mut estimate = start.clone();
     let mut descent = Descent {
         estimate: start.clone(),
         start: objective.evaluate(start, &objective.visibility(start, 0)?)?,
@@ -70,8 +69,8 @@ pub(super) fn descend(
         let mut stall = StallDetector::new(options.tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
-            let visibility = objective.visibility(&estimate, level)?;
-            let before = objective.evaluate(&estimate, &visibility)?.total;
+            let visibility = objective.visibility(&descent.estimate, level)?;
+            let before = objective.evaluate(&descent.estimate, &visibility)?.total;
             if !placing && !stall.progresses(before) {
                 descent.termination = Termination::Converged;
                 break;
@@ -82,54 +81,45 @@ pub(super) fn descend(
                 blocks(options.strategy)
             };
             for &block in moved {
-                let call = Call {
+                let stage = format!("{}level-{level}", route.stage);
+                let is_stopped = descent.minimise(
+                    objective,
+                    &visibility,
                     block,
-                    free_alpha: options.scale_update == ScaleUpdate::Variable,
-                    minimiser: options.minimiser,
-                    evaluation: options.evaluation,
-                    max_iterations: options.iterations_per_call,
-                    tolerance: options.tolerance / 10.0,
-                };
-                let so_far = descent.evaluations;
-                let outcome = objective.minimise(&mut estimate, &visibility, &call, &mut |iteration| {
-                    let evaluations = so_far.plus(iteration.evaluations);
-                    progress.report(TraceRow {
-                        stage: format!("{}level-{level}", route.stage),
-                        step,
-                        block: block.name().to_owned(),
-                        iteration: iteration.number,
-                        objective: iteration.objective,
-                        gradient_norm: iteration.gradient_norm,
-                        alpha: iteration.alpha,
-                        residual_evaluations: evaluations.residual,
-                        jacobian_evaluations: evaluations.jacobian,
-                        seconds: progress.seconds(),
-                    })
-                })?;
-                descent.evaluations = so_far.plus(outcome.evaluations);
-                descent.iterations += outcome.iterations;
+                    options,
+                    &mut |iteration, so_far| {
+                        let evaluations = so_far.plus(iteration.evaluations);
+                        progress.report(TraceRow {
+                            stage: stage.clone(),
+                            step,
+                            block: block.name().to_owned(),
+                            iteration: iteration.number,
+                            objective: iteration.objective,
+                            gradient_norm: iteration.gradient_norm,
+                            alpha: iteration.alpha,
+                            residual_evaluations: evaluations.residual,
+                            jacobian_evaluations: evaluations.jacobian,
+                            seconds: progress.seconds(),
+                        })
+                    },
+                )?;
                 descent.steps.push(StepState {
                     level,
-                    estimate: estimate.clone(),
+                    estimate: descent.estimate.clone(),
                     iterations: descent.iterations,
                     evaluations: descent.evaluations,
                     cpu_seconds: clock.seconds(),
                 });
-                if outcome.interrupted {
+                if is_stopped {
                     descent.termination = Termination::Interrupted;
                     break 'levels;
                 }
             }
-            let after = objective.evaluate(&estimate, &visibility)?.total;
-            if options.scale_update == ScaleUpdate::Regression
-                && let Some(alpha) = scale_from_motion(
-                    &estimate,
-                    target,
-                    &camera_from_input,
-                    &mean_point(&objective.points(&estimate)),
-                )
-            {
-                estimate.alpha = alpha;
+            let after = objective.evaluate(&descent.estimate, &visibility)?.total;
+            if options.scale_update == ScaleUpdate::Regression {
+                let mean = mean_point(&objective.points(&descent.estimate));
+                let alpha = scale_from_motion(&descent.estimate, target, &camera_from_input, &mean);
+                descent.estimate.alpha = alpha.unwrap_or(descent.estimate.alpha);
             }
             if after < options.threshold {
                 descent.termination = Termination::BelowThreshold;
@@ -141,11 +131,38 @@ pub(super) fn descend(
             }
         }
     }
-    descent.end = objective.evaluate(&estimate, &objective.visibility(&estimate, 0)?)?;
-    descent.estimate = estimate;
+    descent.end = objective.evaluate(&descent.estimate, &objective.visibility(&descent.estimate, 0)?)?;
     descent.trace = progress.take_trace();
     descent.cpu_seconds = clock.seconds();
     Ok(descent)
+}
+
+impl Descent {
+    /// One Ceres call that moves `block`, and whether the observer ended it, who sees every iteration and the evaluations before the call.
+    fn minimise(
+        &mut self,
+        objective: &mut Objective,
+        visibility: &Visibility,
+        block: Block,
+        options: &SolverOptions,
+        observer: &mut dyn FnMut(&Iteration, Evaluations) -> bool,
+    ) -> Result<bool, ObjectiveError> {
+        let call = Call {
+            block,
+            free_alpha: options.scale_update == ScaleUpdate::Variable,
+            minimiser: options.minimiser,
+            evaluation: options.evaluation,
+            max_iterations: options.iterations_per_call,
+            tolerance: options.tolerance / 10.0,
+        };
+        let so_far = self.evaluations;
+        let outcome = objective.minimise(&mut self.estimate, visibility, &call, &mut |iteration| {
+            observer(iteration, so_far)
+        })?;
+        self.evaluations = so_far.plus(outcome.evaluations);
+        self.iterations += outcome.iterations;
+        Ok(outcome.interrupted)
+    }
 }
 
 /// Processor time of a solve: of its thread where it uses no other, so that solves may run side by side, else of the process.

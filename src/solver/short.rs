@@ -1,6 +1,6 @@
 //! Short solves from every start, of which the best goes on.
 
-use super::descent::{Descent, Route, descend};
+use super::descent::{Route, descend};
 use super::progress::{Observer, Progress};
 use super::{Evaluation, SolveError, SolverOptions, TraceRow};
 use crate::init::Estimate;
@@ -91,22 +91,7 @@ pub fn short_solves(
             }
             let start = &starts[trial.index];
             let mut objective = Objective::new(footage, prior.clone(), &cautious, target, start, 1)?;
-            let route = Route {
-                stage: &format!("hypothesis-{}/round-{round}/", trial.index),
-                placing_steps: if round == 0 { PLACING_STEPS } else { 0 },
-                levels: &[footage.levels() - 1],
-            };
-            let descent = descend(
-                &mut objective,
-                footage.sequence(),
-                target,
-                &trial.estimate,
-                &options,
-                &route,
-                &mut Progress::new(&observer),
-            )?;
-            trial.take(descent, round == 0);
-            Ok::<_, SolveError>(())
+            trial.go_on(&mut objective, footage, target, round, &options, &observer)
         })?;
         tracing::debug!("round {round}: {} starts solved", trials.len());
         // Stable, so that ties keep the order of the starts.
@@ -151,13 +136,37 @@ struct Trial {
 }
 
 impl Trial {
-    fn take(&mut self, descent: Descent, is_first: bool) {
-        if is_first {
+    /// One round of it.
+    fn go_on(
+        &mut self,
+        objective: &mut Objective,
+        footage: &Footage,
+        target: usize,
+        round: usize,
+        options: &SolverOptions,
+        observer: &Observer,
+    ) -> Result<(), SolveError> {
+        let route = Route {
+            stage: &format!("hypothesis-{}/round-{round}/", self.index),
+            placing_steps: if round == 0 { PLACING_STEPS } else { 0 },
+            levels: &[footage.levels() - 1],
+        };
+        let descent = descend(
+            objective,
+            footage.sequence(),
+            target,
+            &self.estimate,
+            options,
+            &route,
+            &mut Progress::new(observer),
+        )?;
+        if round == 0 {
             self.objectives.0 = descent.start.total;
         }
         self.objectives.1 = descent.end.total;
         self.estimate = descent.estimate;
         self.trace.extend(descent.trace);
         self.cpu_seconds += descent.cpu_seconds;
+        Ok(())
     }
 }

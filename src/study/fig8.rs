@@ -97,24 +97,13 @@ pub fn fig8(
                 })
             },
         )?;
-        let mut runs = Vec::new();
-        for ((angle_deg, seed, start), placed) in starts.iter().zip(&placed) {
-            let variant = |method: &Method, label: &str, start: &Estimate| {
-                let named = Method {
-                    name: format!("from-{angle_deg}-deg-{seed}-{}", method.name),
-                    label: label.to_owned(),
-                    config: method.config.clone(),
-                };
-                (*angle_deg, *seed, named, start.clone())
-            };
-            runs.push(variant(&ours, "ours", &placed.estimate));
-            let without = Method {
-                name: "unplaced".to_owned(),
-                ..ours.clone()
-            };
-            runs.push(variant(&without, "ours without the short solve", start));
-            runs.push(variant(&zhu, "Zhu et al.", start));
-        }
+        let runs: Vec<Run> = starts
+            .iter()
+            .zip(&placed)
+            .flat_map(|((angle_deg, seed, start), placed)| {
+                runs_from(*angle_deg, *seed, start, &placed.estimate, &ours, &zhu)
+            })
+            .collect();
         let methods: Vec<_> = runs
             .iter()
             .map(|(_, _, method, start)| (method.clone(), start.clone()))
@@ -211,4 +200,31 @@ impl Fig8 {
         }
         .write(&folder.join("fig8.svg"))
     }
+}
+
+/// The angle and seed of a perturbed start, who goes on from it, and where from.
+type Run = (f64, u64, Method, Estimate);
+
+/// All three that go on from one perturbed start, which the short solve makes `placed`.
+fn runs_from(
+    angle_deg: f64,
+    seed: u64,
+    start: &Estimate,
+    placed: &Estimate,
+    ours: &Method,
+    zhu: &Method,
+) -> [Run; 3] {
+    let run = |method: &Method, name: &str, label: &str, start: &Estimate| {
+        let named = Method {
+            name: format!("from-{angle_deg}-deg-{seed}-{name}"),
+            label: label.to_owned(),
+            config: method.config.clone(),
+        };
+        (angle_deg, seed, named, start.clone())
+    };
+    [
+        run(ours, &ours.name, "ours", placed),
+        run(ours, "unplaced", "ours without the short solve", start),
+        run(zhu, &zhu.name, "Zhu et al.", start),
+    ]
 }

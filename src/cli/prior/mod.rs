@@ -131,17 +131,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn learn(args: &Learn) -> anyhow::Result<()> {
     let options = args.models.options(args.points);
     options.check()?;
-    if let Some(folder) = args
-        .out
-        .parent()
-        .filter(|f| !f.as_os_str().is_empty() && !f.is_dir())
-    {
-        bail!(
-            "--out {}: no folder {}: make it first",
-            args.out.display(),
-            folder.display()
-        );
-    }
+    check_folder(&args.out)?;
     args.kind.check()?;
     let checkpoint = args.out.with_extension("checkpoint");
     if checkpoint.exists() && !args.resume {
@@ -212,6 +202,18 @@ fn learn(args: &Learn) -> anyhow::Result<()> {
                 100.0 * share
             ))
     );
+    Ok(())
+}
+
+/// A file can be written there.
+fn check_folder(out: &Path) -> anyhow::Result<()> {
+    if let Some(folder) = out.parent().filter(|f| !f.as_os_str().is_empty() && !f.is_dir()) {
+        bail!(
+            "--out {}: no folder {}: make it first",
+            out.display(),
+            folder.display()
+        );
+    }
     Ok(())
 }
 
@@ -293,18 +295,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         models.len(),
         args.points
     );
-    println!(
-        "{:7} {:>6}  {:>17}  {:>10}",
-        "kind", "styles", "by correspondence", "by Chamfer"
-    );
-    for ((kind, styles), row) in ways.iter().zip(&errors) {
-        println!(
-            "{:7} {styles:>6}  {:>17.3}  {:>10.3}",
-            kind.name(),
-            100.0 * row.by_correspondence,
-            100.0 * row.by_chamfer
-        );
-    }
+    print_errors(&ways, &errors);
     let own: Vec<f64> = found
         .shapes
         .iter()
@@ -336,17 +327,38 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
     if args.each
         && let Some(last) = errors.last()
     {
-        println!("\n{:<32} {:>10} {:>10}", "model", "by Chamfer", "floor");
-        for ((model, error), own) in models.iter().zip(&last.each).zip(&own) {
-            println!(
-                "{:<32} {:>10.3} {:>10.3}",
-                model.name,
-                100.0 * error.chamfer,
-                100.0 * own
-            );
-        }
+        print_each(&models, last, &own);
     }
     Ok(())
+}
+
+/// The errors of a model left out, by kind and number of styles.
+fn print_errors(ways: &[(Kind, usize)], errors: &[prior::FitError]) {
+    println!(
+        "{:7} {:>6}  {:>17}  {:>10}",
+        "kind", "styles", "by correspondence", "by Chamfer"
+    );
+    for ((kind, styles), row) in ways.iter().zip(errors) {
+        println!(
+            "{:7} {styles:>6}  {:>17.3}  {:>10.3}",
+            kind.name(),
+            100.0 * row.by_correspondence,
+            100.0 * row.by_chamfer
+        );
+    }
+}
+
+/// Model by model.
+fn print_each(models: &[NamedModel], error: &prior::FitError, own: &[f64]) {
+    println!("\n{:<32} {:>10} {:>10}", "model", "by Chamfer", "floor");
+    for ((model, fit), own) in models.iter().zip(&error.each).zip(own) {
+        println!(
+            "{:<32} {:>10.3} {:>10.3}",
+            model.name,
+            100.0 * fit.chamfer,
+            100.0 * own
+        );
+    }
 }
 
 /// What the pictures cannot tell: how far off the canonical frame of a model left out is.

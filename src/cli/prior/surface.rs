@@ -247,19 +247,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         args.points,
         words(&scales)
     );
-    println!(
-        "{:>6} {:>9}  {:>17}  {:>10}  {:>7}  {:>7}",
-        "styles", "free form", "by correspondence", "by Chamfer", "|style|", "|form|"
-    );
-    for (&(styles, form), row) in ways.iter().zip(&errors) {
-        let [style, rest] = mean_lengths(&row.each, styles);
-        println!(
-            "{styles:>6} {:>9}  {:>17.3}  {:>10.3}  {style:>7.2}  {rest:>7.2}",
-            if form == FreeForm::None { "-" } else { "yes" },
-            100.0 * row.by_correspondence,
-            100.0 * row.by_chamfer,
-        );
-    }
+    print_errors(&ways, &errors);
     let own: Vec<f64> = correspondences
         .shapes
         .iter()
@@ -274,7 +262,41 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
     if let (Some(plain), Some(full)) = (errors.get(args.styles.len().saturating_sub(1)), errors.last()) {
         print_kinds(&found, plain, full, &own, args.each);
     }
-    println!("\nthe canonical frame of a model left out, {most} styles");
+    print_frames(
+        &correspondences,
+        &found,
+        &|form| learner(most, form),
+        args.points,
+        most,
+    )
+}
+
+/// The errors of a model left out, by the number of styles and the free form.
+fn print_errors(ways: &[(usize, FreeForm)], errors: &[prior::FitError]) {
+    println!(
+        "{:>6} {:>9}  {:>17}  {:>10}  {:>7}  {:>7}",
+        "styles", "free form", "by correspondence", "by Chamfer", "|style|", "|form|"
+    );
+    for (&(styles, form), row) in ways.iter().zip(errors) {
+        let [style, rest] = mean_lengths(&row.each, styles);
+        println!(
+            "{styles:>6} {:>9}  {:>17.3}  {:>10.3}  {style:>7.2}  {rest:>7.2}",
+            if form == FreeForm::None { "-" } else { "yes" },
+            100.0 * row.by_correspondence,
+            100.0 * row.by_chamfer,
+        );
+    }
+}
+
+/// How far off the canonical frame of a model left out is.
+fn print_frames<'a>(
+    correspondences: &Correspondences,
+    found: &Surfaces,
+    learner: &dyn Fn(FreeForm) -> Box<prior::Learner<'a>>,
+    points: usize,
+    styles: usize,
+) -> anyhow::Result<()> {
+    println!("\nthe canonical frame of a model left out, {styles} styles");
     for (form, with) in [
         (FreeForm::None, "style alone"),
         (FreeForm::Symmetric, "with free form"),
@@ -283,13 +305,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
             (prior::Known::All, "all its points known"),
             (prior::Known::FromFrontRight, "those seen from its front right"),
         ] {
-            let errors = prior::frame_errors(
-                &correspondences,
-                &found.group,
-                &learner(most, form),
-                args.points,
-                known,
-            )?;
+            let errors = prior::frame_errors(correspondences, &found.group, &learner(form), points, known)?;
             print_frame_errors(&errors, &format!("{with}, {words}"));
         }
     }

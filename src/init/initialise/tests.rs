@@ -177,8 +177,9 @@ impl ShapePrior for Shifted {
 fn earlier_cameras_are_the_canonical_frame_s() {
     let truth = turntable(3, 10.0);
     let sequence = sequence(&truth, 0.4);
-    let at =
-        |prior: &dyn ShapePrior| initialise_at(&sequence, prior, &[0.0], 0, &truth, 0.4, &quick()).unwrap();
+    let at = |prior: &dyn ShapePrior| {
+        initialise_at(&sequence, prior, (&[0.0], &[]), 0, &truth, 0.4, &quick()).unwrap()
+    };
     let (canonical, shifted) = (at(&BoxCar::new(1200)), at(&Shifted(BoxCar::new(1200))));
     assert!(canonical.mean_iou > 0.9, "{}", canonical.mean_iou);
     assert_eq!(canonical.estimate.camera_from_object, truth);

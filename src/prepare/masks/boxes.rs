@@ -52,6 +52,10 @@ const STAYING: f64 = 2.0;
 const GAP: usize = 5;
 /// Objects that fill this share of the picture are large enough.
 const LARGE: f64 = 0.05;
+/// At most so many chains are looked at.
+const MAX_TRACKS: usize = 3;
+/// A chain of a smaller share of the best one's score is no rival.
+const RIVAL: f64 = 0.7;
 /// What overlaps a given box by less is another object.
 const GIVEN: f64 = 0.3;
 
@@ -86,13 +90,22 @@ impl Detected {
     }
 }
 
-/// One object through all frames: of all chains of detections that of the highest scores, about the middle of the picture, which
-/// overlaps most from frame to frame. `given` is a box of the object in one frame. `None` where it was not detected.
-pub fn track(
+/// What may be the object through all frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// `None` where it was not detected.
+    pub boxes: Vec<Option<Sides>>,
+    /// How sure, large and central it is, and how much it overlaps from frame to frame.
+    pub score: f64,
+}
+
+/// Chains of detections, each of the highest score among what those before it left, best first: the first, and others that come near it. `given` is a
+/// box of the object in one frame; there is but one chain then. None where nothing was detected.
+pub fn tracks(
     frames: &[Detected],
     (width, height): (usize, usize),
     given: Option<(usize, Sides)>,
-) -> Vec<Option<Sides>> {
+) -> Vec<Track> {
     let (width, height) = (width as f64, height as f64);
     let picture = Sides([0.0, 0.0, width, height]);
     let weighted = |sides: &Sides, score: f64| {
@@ -105,7 +118,7 @@ pub fn track(
         );
         score * inside * size * (1.0 - x.hypot(y)).max(0.0)
     };
-    let nodes: Vec<Vec<(Sides, f64)>> = frames
+    let mut nodes: Vec<Vec<(Sides, f64)>> = frames
         .iter()
         .enumerate()
         .map(|(frame, detected)| {
@@ -123,11 +136,31 @@ pub fn track(
             }
         })
         .collect();
+    let mut found: Vec<Track> = Vec::new();
+    while found.len() < MAX_TRACKS
+        && let Some(track) = best(&nodes, given.map(|(at, _)| at))
+        && found
+            .first()
+            .is_none_or(|first| track.score >= RIVAL * first.score)
+    {
+        for (nodes, taken) in nodes.iter_mut().zip(&track.boxes) {
+            nodes.retain(|(sides, _)| Some(*sides) != *taken);
+        }
+        found.push(track);
+        if given.is_some() {
+            break;
+        }
+    }
+    found
+}
+
+/// The best chain of weighted detections, which passes a frame where the object's box was given.
+fn best(nodes: &[Vec<(Sides, f64)>], given: Option<usize>) -> Option<Track> {
     let mut chains: Vec<Vec<Chain>> = Vec::new();
     for (frame, found) in nodes.iter().enumerate() {
         // A given box is on the chain: none may start after it, nor pass it by.
-        let past = given.filter(|(at, _)| *at < frame);
-        let (first, alone) = past.map_or((0, 0.0), |(at, _)| (at, f64::NEG_INFINITY));
+        let past = given.filter(|at| *at < frame);
+        let (first, alone) = past.map_or((0, 0.0), |at| (at, f64::NEG_INFINITY));
         let ends = found
             .iter()
             .map(|(sides, score)| {
@@ -152,16 +185,16 @@ pub fn track(
             .collect();
         chains.push(ends);
     }
-    let least = given.map_or(0, |(at, _)| at);
-    let mut at = (least..frames.len())
+    let mut at = (given.unwrap_or(0)..nodes.len())
         .flat_map(|frame| (0..nodes[frame].len()).map(move |i| (frame, i)))
         .max_by(|a, b| chains[a.0][a.1].score.total_cmp(&chains[b.0][b.1].score));
-    let mut tracked = vec![None; frames.len()];
+    let score = at.map(|(frame, i)| chains[frame][i].score)?;
+    let mut boxes = vec![None; nodes.len()];
     while let Some((frame, i)) = at {
-        tracked[frame] = Some(nodes[frame][i].0);
+        boxes[frame] = Some(nodes[frame][i].0);
         at = chains[frame][i].before;
     }
-    tracked
+    Some(Track { boxes, score })
 }
 
 /// The best chain that ends with a detection.
@@ -246,8 +279,10 @@ mod tests {
 
     #[test]
     fn the_object_that_stays_is_followed_past_a_gap() {
-        let tracked = track(&scene(), (120, 90), None);
-        for (frame, sides) in tracked.iter().enumerate() {
+        let tracked = tracks(&scene(), (120, 90), None);
+        // The one that jumps is no rival.
+        assert_eq!(tracked.len(), 1);
+        for (frame, sides) in tracked[0].boxes.iter().enumerate() {
             let left = 30.0 + frame as f64;
             assert_eq!(
                 *sides,
@@ -255,9 +290,27 @@ mod tests {
             );
         }
         assert_eq!(
-            track(&[Detected::default(), Detected::default()], (120, 90), None),
-            [None, None]
+            tracks(&[Detected::default(), Detected::default()], (120, 90), None),
+            []
         );
+    }
+
+    #[test]
+    fn what_comes_near_the_best_is_a_rival() {
+        let mut scene = scene();
+        for (frame, detected) in scene.iter_mut().enumerate() {
+            // About what stays, larger and never moving.
+            detected.boxes.push(([10.0, 20.0, 110.0, 70.0], 0.4));
+            let x = frame as f64;
+            detected
+                .boxes
+                .push(([80.0 - 9.0 * x, 60.0, 100.0 - 9.0 * x, 80.0], 0.2));
+        }
+        let found = tracks(&scene, (120, 90), None);
+        assert_eq!(found.len(), 2);
+        assert!(found[0].score >= found[1].score);
+        assert_eq!(found[0].boxes[3], Some(Sides([10.0, 20.0, 110.0, 70.0])));
+        assert_eq!(found[1].boxes[2], Some(Sides([32.0, 30.0, 72.0, 60.0])));
     }
 
     #[test]
@@ -268,12 +321,15 @@ mod tests {
             detected.boxes.push(([80.0, 60.0 + x, 110.0, 80.0 + x], 0.3));
         }
         let given = Sides([80.0, 62.0, 112.0, 84.0]);
-        let tracked = track(&scene, (120, 90), Some((3, given)));
+        let tracked = tracks(&scene, (120, 90), Some((3, given)));
+        assert_eq!(tracked.len(), 1);
+        let tracked = &tracked[0].boxes;
         assert_eq!(tracked[0], Some(Sides([80.0, 60.0, 110.0, 80.0])));
         assert_eq!(tracked[6], Some(Sides([80.0, 66.0, 110.0, 86.0])));
         // One that was not detected is believed all the same.
         let unseen = Sides([1.0, 70.0, 20.0, 89.0]);
-        assert_eq!(track(&scene, (120, 90), Some((3, unseen)))[3], Some(unseen));
+        let tracked = tracks(&scene, (120, 90), Some((3, unseen)));
+        assert_eq!(tracked[0].boxes[3], Some(unseen));
     }
 
     #[test]

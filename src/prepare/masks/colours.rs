@@ -60,25 +60,7 @@ pub fn masks(
     let (width, height) = (first.width, first.height);
     let scale = width as f64 / photo.image.width() as f64;
     let moving = moving(&pictures)?;
-    let (region, source) = match (object_box, &moving) {
-        (Some(given), _) => {
-            let given = given.in_image(photo);
-            let of_image = |x: usize| (x as f64 + 0.5) / scale;
-            let inside = |column: usize, row: usize| given.contains(of_image(column), of_image(row));
-            (Grid::from_fn(width, height, inside), Source::Box)
-        }
-        (None, Some(moving)) => (moving.clone(), Source::Motion),
-        (None, None) => {
-            let inside = |column: usize, row: usize| {
-                let (x, y) = (
-                    column as f64 / width as f64 - 0.5,
-                    row as f64 / height as f64 - 0.5,
-                );
-                x.abs() < 0.42 && y.abs() < 0.42
-            };
-            (Grid::from_fn(width, height, inside), Source::Middle)
-        }
-    };
+    let (region, source) = region(photo, (width, height), object_box, moving);
     if region.share() == 0.0 || region.share() == 1.0 {
         return Err(ObjectBox::error("no pixel is inside it, or none outside"));
     }
@@ -129,6 +111,35 @@ pub fn masks(
         })
         .collect();
     Ok((masks, source))
+}
+
+/// Where the object may be in the middle picture, at the size at which GrabCut works, and how that is known.
+fn region(
+    photo: &Photo,
+    (width, height): (usize, usize),
+    object_box: Option<&ObjectBox>,
+    moving: Option<Mask>,
+) -> (Mask, Source) {
+    let scale = width as f64 / photo.image.width() as f64;
+    match (object_box, moving) {
+        (Some(given), _) => {
+            let given = given.in_image(photo);
+            let of_image = |x: usize| (x as f64 + 0.5) / scale;
+            let inside = |column: usize, row: usize| given.contains(of_image(column), of_image(row));
+            (Grid::from_fn(width, height, inside), Source::Box)
+        }
+        (None, Some(moving)) => (moving, Source::Motion),
+        (None, None) => {
+            let inside = |column: usize, row: usize| {
+                let (x, y) = (
+                    column as f64 / width as f64 - 0.5,
+                    row as f64 / height as f64 - 0.5,
+                );
+                x.abs() < 0.42 && y.abs() < 0.42
+            };
+            (Grid::from_fn(width, height, inside), Source::Middle)
+        }
+    }
 }
 
 /// At the size at which GrabCut works.

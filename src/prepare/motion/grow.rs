@@ -13,12 +13,17 @@ use rayon::prelude::*;
 
 /// A pair, or a frame, with fewer features in common is none.
 const MIN_COMMON_FEATURES: usize = 12;
+/// So many points place a frame, and such a share of those that it sees.
+const MIN_PLACING: usize = 8;
+const MIN_PLACING_SHARE: f64 = 0.6;
 /// Rays that meet at a smaller angle, in degrees, say nothing about depth.
 const MIN_ANGLE_DEG: f64 = 1.5;
 /// A first pair should have rays that meet at such an angle; a smaller one counts for less.
 const START_ANGLE_DEG: f64 = 8.0;
 /// No point lies so near to a camera, in baselines of the first pair.
 const MIN_DISTANCE: f64 = 0.2;
+/// So many reconstructions are tried.
+const MAX_STARTS: usize = 8;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
 
@@ -47,50 +52,85 @@ pub struct Reconstruction<'a> {
     order: Vec<usize>,
 }
 
+/// The reconstruction of most frames among those that start from pairs of views, best pair first, until one has all frames. A pair that an
+/// earlier one has placed starts none.
+///
+/// # Errors
+/// No pair with enough in common.
+pub fn reconstruct(
+    matching: &Matching,
+    camera: &Pinhole,
+    options: &MotionOptions,
+) -> Result<Motion, StructureFromMotionError> {
+    let verified: Vec<Verified> = matching
+        .pairs
+        .par_iter()
+        .map(|pair| verified(matching, camera, pair, options.error_px * matching.pixel))
+        .collect::<Result<Vec<_>, _>>()?
+        .into_iter()
+        .flatten()
+        .collect();
+    let tracks = tracks_of(matching, &verified);
+    let score = |pair: &Verified| pair.matches.len() as f64 * (pair.angle_deg / START_ANGLE_DEG).min(1.0);
+    let mut starts: Vec<&Verified> = verified
+        .iter()
+        .filter(|pair| pair.angle_deg > MIN_ANGLE_DEG)
+        .collect();
+    starts.sort_by(|a, b| score(b).total_cmp(&score(a)));
+    let mut placed = vec![false; matching.features.len()];
+    let mut best: Option<Reconstruction> = None;
+    for _ in 0..MAX_STARTS {
+        let Some(start) = starts
+            .iter()
+            .find(|pair| pair.frames.iter().any(|&frame| !placed[frame]))
+        else {
+            break;
+        };
+        let grown = Reconstruction::new(matching, camera, options, tracks.clone(), start).grown()?;
+        grown.order.iter().for_each(|&frame| placed[frame] = true);
+        let is_all = grown.order.len() == placed.len();
+        if best
+            .as_ref()
+            .is_none_or(|best| grown.order.len() > best.order.len())
+        {
+            best = Some(grown);
+        }
+        if is_all {
+            break;
+        }
+    }
+    let matched = || matching.pairs.iter().map(|pair| pair.matches.len()).max();
+    best.ok_or_else(|| StructureFromMotionError::NoPair {
+        matched: matched().unwrap_or(0),
+    })?
+    .finished()
+}
+
+/// What belongs together by the matches of all pairs.
+fn tracks_of(matching: &Matching, verified: &[Verified]) -> Vec<Vec<Seen>> {
+    let counts: Vec<usize> = matching.features.iter().map(Vec::len).collect();
+    // Pairs with much in common decide first.
+    let mut in_order: Vec<&Verified> = verified.iter().collect();
+    in_order.sort_by_key(|pair| std::cmp::Reverse(pair.matches.len()));
+    tracks(
+        &counts,
+        in_order.iter().map(|pair| (pair.frames, pair.matches.as_slice())),
+    )
+}
+
 impl<'a> Reconstruction<'a> {
-    /// Starts from the best pair of views.
-    ///
-    /// # Errors
-    /// No pair with enough in common.
-    pub fn start(
+    fn new(
         matching: &'a Matching,
         camera: &Pinhole,
         options: &'a MotionOptions,
-    ) -> Result<Self, StructureFromMotionError> {
-        let verified: Vec<Verified> = matching
-            .pairs
-            .par_iter()
-            .map(|pair| verified(matching, camera, pair, options.error_px * matching.pixel))
-            .collect::<Result<Vec<_>, _>>()?
-            .into_iter()
-            .flatten()
-            .collect();
-        let score = |pair: &Verified| pair.matches.len() as f64 * (pair.angle_deg / START_ANGLE_DEG).min(1.0);
-        let best = verified
-            .iter()
-            .filter(|pair| pair.angle_deg > MIN_ANGLE_DEG)
-            .max_by(|a, b| score(a).total_cmp(&score(b)))
-            .ok_or_else(|| StructureFromMotionError::NoPair {
-                matched: matching
-                    .pairs
-                    .iter()
-                    .map(|pair| pair.matches.len())
-                    .max()
-                    .unwrap_or(0),
-            })?;
-        let counts: Vec<usize> = matching.features.iter().map(Vec::len).collect();
-        // Pairs with much in common decide first what belongs together.
-        let mut in_order: Vec<&Verified> = verified.iter().collect();
-        in_order.sort_by_key(|pair| std::cmp::Reverse(pair.matches.len()));
-        let tracks = tracks(
-            &counts,
-            in_order.iter().map(|pair| (pair.frames, pair.matches.as_slice())),
-        );
-        let mut poses = vec![None; counts.len()];
-        let [first, second] = best.frames;
+        tracks: Vec<Vec<Seen>>,
+        start: &Verified,
+    ) -> Self {
+        let mut poses = vec![None; matching.features.len()];
+        let [first, second] = start.frames;
         poses[first] = Some(Pose::identity());
-        poses[second] = Some(best.second_from_first);
-        Ok(Self {
+        poses[second] = Some(start.second_from_first);
+        Self {
             matching,
             options,
             free_focal: options.focal_deviation >= FREE,
@@ -100,11 +140,11 @@ impl<'a> Reconstruction<'a> {
             points: vec![None; tracks.len()],
             tracks,
             order: vec![first, second],
-        })
+        }
     }
 
-    /// All frames that can be placed.
-    pub fn grow(mut self) -> Result<Motion, StructureFromMotionError> {
+    /// With all frames that can be placed.
+    fn grown(mut self) -> Result<Self, StructureFromMotionError> {
         self.extend_points();
         self.adjust(1)?;
         let mut refused = vec![false; self.poses.len()];
@@ -121,6 +161,11 @@ impl<'a> Reconstruction<'a> {
                 refused[frame] = true;
             }
         }
+        Ok(self)
+    }
+
+    /// Adjusted as a whole, with the focal length by all evidence.
+    fn finished(mut self) -> Result<Motion, StructureFromMotionError> {
         self.adjust(ROUNDS)?;
         let by_features = by_features(&self)?;
         let known = self.options.focal_deviation;
@@ -202,13 +247,11 @@ impl<'a> Reconstruction<'a> {
             track.iter().for_each(|seen| counts[seen[0] as usize] += 1);
         }
         (0..self.poses.len())
-            .filter(|&frame| {
-                self.poses[frame].is_none() && !refused[frame] && counts[frame] >= MIN_COMMON_FEATURES
-            })
+            .filter(|&frame| self.poses[frame].is_none() && !refused[frame] && counts[frame] >= MIN_PLACING)
             .max_by_key(|&frame| (counts[frame], std::cmp::Reverse(frame)))
     }
 
-    /// Whether the points that a frame sees tell where it stands.
+    /// Places a frame where the points that it sees tell where it stands; whether they do.
     fn place(&mut self, frame: usize) -> Result<bool, StructureFromMotionError> {
         let (mut points, mut rays) = (Vec::new(), Vec::new());
         for (track, point) in self.tracks.iter().zip(&self.points) {
@@ -223,7 +266,8 @@ impl<'a> Reconstruction<'a> {
         let threshold = self.tolerance() / self.zoomed().fx;
         let found = vision::resect(&points, &rays, threshold, &mut inliers)?;
         let count = inliers.iter().filter(|&&inlier| inlier != 0).count();
-        if !found.any || count < MIN_COMMON_FEATURES {
+        let share = count as f64 / inliers.len() as f64;
+        if !found.any || count < MIN_PLACING || (count < MIN_COMMON_FEATURES && share < MIN_PLACING_SHARE) {
             return Ok(false);
         }
         let pose = pose_of(&found);
@@ -431,4 +475,87 @@ fn verified(
         second_from_first,
         angle_deg: angles.get(angles.len() / 2).copied().unwrap_or(0.0),
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: Pinhole = Pinhole {
+        fx: 500.0,
+        fy: 500.0,
+        cx: 320.0,
+        cy: 240.0,
+    };
+
+    /// A camera that walks about the origin, `step_deg` a frame.
+    fn arc(count: usize, step_deg: f64) -> Vec<Pose> {
+        (0..count)
+            .map(|i| Pose {
+                rotation: Rotation3::from_scaled_axis(Vector3::y() * (i as f64 * step_deg).to_radians()),
+                translation: Vector3::new(0.0, 0.0, 3.0),
+            })
+            .collect()
+    }
+
+    /// What frames see of points of their own group, frame after frame; all of a group match, none of two groups.
+    fn matching(groups: &[(Vec<Pose>, usize)]) -> Matching {
+        let (mut features, mut group_of) = (Vec::new(), Vec::new());
+        for (group, (poses, points)) in groups.iter().enumerate() {
+            let points: Vec<Vector3<f64>> = (0..*points)
+                .map(|i| {
+                    let share = |prime: f64| (i as f64 * prime).fract() - 0.5;
+                    Vector3::new(share(0.819_172_513), share(0.671_043_607), share(0.549_700_478))
+                })
+                .collect();
+            for pose in poses {
+                let seen = points.iter().map(|x| CAMERA.project(&pose.transform(x)).unwrap());
+                features.push(seen.map(|pixel| [pixel.x, pixel.y]).collect::<Vec<_>>());
+                group_of.push(group);
+            }
+        }
+        let frames = features.len();
+        let pairs = (0..frames)
+            .flat_map(|a| (a + 1..frames).map(move |b| [a, b]))
+            .map(|[a, b]| Pair {
+                frames: [a, b],
+                matches: match group_of[a] == group_of[b] {
+                    true => (0..features[a].len() as u32).map(|i| [i, i]).collect(),
+                    false => Vec::new(),
+                },
+            })
+            .collect();
+        Matching {
+            features,
+            pairs,
+            pixel: 1.0,
+        }
+    }
+
+    #[test]
+    fn the_reconstruction_of_most_frames_counts() {
+        // The best pair is of the smaller group.
+        let (few, many) = (arc(3, 8.0), arc(6, 4.0));
+        let matching = matching(&[(few, 120), (many.clone(), 40)]);
+        let found = reconstruct(&matching, &CAMERA, &MotionOptions::default()).unwrap();
+        assert!(found.camera_from_input[..3].iter().all(Option::is_none));
+        assert!(found.error_px < 1e-3, "{}", found.error_px);
+        let of = |i: usize| found.camera_from_input[3 + i].unwrap();
+        for i in 1..6 {
+            let turned = of(i).rotation * of(0).rotation.inverse();
+            let truth = many[i].rotation * many[0].rotation.inverse();
+            assert!(turned.angle_to(&truth).to_degrees() < 0.01);
+        }
+        assert_eq!(found.points.len(), 40);
+    }
+
+    #[test]
+    fn frames_without_anything_in_common_have_no_motion() {
+        let matching = matching(&[(arc(1, 0.0), 40), (arc(1, 0.0), 30)]);
+        let refused = reconstruct(&matching, &CAMERA, &MotionOptions::default());
+        assert!(matches!(
+            refused,
+            Err(StructureFromMotionError::NoPair { matched: 0 })
+        ));
+    }
 }

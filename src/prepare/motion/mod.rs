@@ -14,7 +14,7 @@ pub use matching::{Matching, match_features};
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{Mask, RgbImage};
 pub use focal::{FREE, FocalEvidence};
-use grow::Reconstruction;
+use grow::reconstruct;
 
 /// Options of the search for the camera's motion.
 #[derive(Clone, Debug)]
@@ -92,5 +92,5 @@ pub fn motion(
     camera: &Pinhole,
     options: &MotionOptions,
 ) -> Result<Motion, StructureFromMotionError> {
-    Reconstruction::start(matching, camera, options)?.grow()
+    reconstruct(matching, camera, options)
 }

@@ -40,6 +40,31 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
     let mut model = model::read(input, &mut notes)?;
     model.images.sort_by_cached_key(|image| natural_key(&image.name));
     check_unique(&model)?;
+    check_cameras(&mut model, &mut problems);
+    drop_points_nowhere(&mut model, &mut notes);
+    let names: Vec<&str> = model.images.iter().map(|image| image.name.as_str()).collect();
+    workspace::note_unused_images(input, &names, &mut notes);
+    let mut frames = frames(input, &model, &names, depth.is_none(), &mut problems)?;
+    match depth {
+        Some(folder) => openmvs::attach(&mut frames, &images, folder, &mut notes, &mut problems)?,
+        None => note_depth(input, &frames, &mut notes),
+    }
+    problems.extend(check_proportion(&frames, &model.images_file));
+    Ok(Draft {
+        name: folder_name(input),
+        kind: "COLMAP workspace",
+        motion_deviation: None,
+        focal_deviation: None,
+        listing: model.images_file,
+        frames,
+        truth_shape: None,
+        notes,
+        problems,
+    })
+}
+
+/// What is wrong with the cameras.
+fn check_cameras(model: &mut Model, problems: &mut Vec<SequenceError>) {
     for (id, camera) in &mut model.cameras {
         let (file, field) = (&model.cameras_file, format!("camera {id}"));
         let mut faults = check_pinhole(&camera.pinhole, file, &field);
@@ -53,10 +78,9 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
         }
         problems.append(&mut faults);
     }
+}
 
-    let times = workspace::times(input)?;
-    let names: Vec<&str> = model.images.iter().map(|image| image.name.as_str()).collect();
-    workspace::note_unused_images(input, &names, &mut notes);
+fn drop_points_nowhere(model: &mut Model, notes: &mut Vec<String>) {
     let all = model.points.len();
     model
         .points
@@ -67,9 +91,21 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
             "{left_out} points whose position is not finite are left out"
         ));
     }
-    let mut observed = observed_points(&model);
+}
+
+/// The frames of all images that have a camera and a file; what the others lack goes to `problems`. COLMAP's own dense depth goes with them where
+/// `own_depth` says so.
+fn frames(
+    input: &Path,
+    model: &Model,
+    names: &[&str],
+    own_depth: bool,
+    problems: &mut Vec<SequenceError>,
+) -> Result<Vec<FrameDraft>, SequenceError> {
+    let times = workspace::times(input)?;
+    let mut observed = observed_points(model);
     let mut frames = Vec::with_capacity(model.images.len());
-    for (image, name) in model.images.iter().zip(workspace::frame_names(&names)) {
+    for (image, name) in model.images.iter().zip(workspace::frame_names(names)) {
         let Some(camera) = model.cameras.get(&image.camera) else {
             problems.push(SequenceError::invalid(
                 &model.images_file,
@@ -102,28 +138,13 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
             calibrated_size: Some(camera.size),
             timestamp_s: workspace::time_of(&times, &image.name),
             camera_from_input: Some(image.camera_from_world),
-            depth: (depth.is_none() && dense.is_file()).then_some(DenseDepth::ColmapMap(dense)),
+            depth: (own_depth && dense.is_file()).then_some(DenseDepth::ColmapMap(dense)),
             points: sparse,
             depth_deviation: None,
             truth: None,
         });
     }
-    match depth {
-        Some(folder) => openmvs::attach(&mut frames, &images, folder, &mut notes, &mut problems)?,
-        None => note_depth(input, &frames, &mut notes),
-    }
-    problems.extend(check_proportion(&frames, &model.images_file));
-    Ok(Draft {
-        name: folder_name(input),
-        kind: "COLMAP workspace",
-        motion_deviation: None,
-        focal_deviation: None,
-        listing: model.images_file,
-        frames,
-        truth_shape: None,
-        notes,
-        problems,
-    })
+    Ok(frames)
 }
 
 fn check_unique(model: &Model) -> Result<(), SequenceError> {

@@ -5,7 +5,7 @@ mod opinion;
 #[cfg(test)]
 mod tests;
 
-use super::boxes::{Detected, Sides, smoothed, track};
+use super::boxes::{Detected, Sides, Track, smoothed, tracks};
 use super::colours::{self, BACKGROUND, MAYBE_BACKGROUND, MAYBE_OBJECT};
 use super::networks::{LIKELY, Likelihood, Networks};
 use super::{ObjectBox, cleaned, picture};
@@ -33,6 +33,8 @@ pub(super) const LOOSE: f64 = 0.1;
 const MIN_PART: f64 = 0.005;
 /// Parts narrower than twice this share of the longer side of the picture are no parts.
 const PART_RADIUS: f64 = 1.0 / 160.0;
+/// The class network says of so many frames which of several tracks is the object's.
+const CLASS_LOOKS: usize = 5;
 /// An object detected in a smaller share of the frames was not found.
 const MIN_DETECTED: f64 = 0.25;
 
@@ -308,12 +310,46 @@ impl Segmenter<'_> {
             frames.push(detected);
         }
         let size = self.photos[0].image.size();
-        let tracked = track(&frames, size, given);
-        let seen = tracked.iter().flatten().count() as f64;
-        if seen < MIN_DETECTED * tracked.len() as f64 {
+        let Some(tracked) = self.likeliest(tracks(&frames, size, given))? else {
+            return Ok(None);
+        };
+        let seen = tracked.boxes.iter().flatten().count() as f64;
+        if seen < MIN_DETECTED * frames.len() as f64 {
             return Ok(None);
         }
-        Ok(smoothed(&tracked))
+        Ok(smoothed(&tracked.boxes))
+    }
+
+    /// Of several tracks that of the highest score, times how well its boxes are those of what the class network sees in them: about a platform
+    /// that a car stands on, it sees the car, and about a part of a car, the car beyond it.
+    fn likeliest(&self, tracks: Vec<Track>) -> Result<Option<Track>, PrepareError> {
+        if tracks.len() < 2 {
+            return Ok(tracks.into_iter().next());
+        }
+        let mut best: Option<(f64, Track)> = None;
+        for track in tracks {
+            let known: Vec<(usize, Sides)> = track
+                .boxes
+                .iter()
+                .enumerate()
+                .filter_map(|(frame, sides)| Some((frame, (*sides)?)))
+                .collect();
+            let looks = known.len().min(CLASS_LOOKS);
+            let fits = (0..looks)
+                .into_par_iter()
+                .map(|look| {
+                    let (frame, sides) = known[(2 * look + 1) * known.len() / (2 * looks)];
+                    let seen = self.class(frame, &sides)?.as_ref().map(mask_of).transpose()?;
+                    let seen = seen.as_ref().and_then(Sides::about);
+                    Ok(seen.map_or(0.0, |seen| seen.overlap(&sides)))
+                })
+                .collect::<Result<Vec<f64>, PrepareError>>()?;
+            let score = track.score * fits.iter().sum::<f64>() / looks as f64;
+            if best.as_ref().is_none_or(|(other, _)| score > *other) {
+                best = Some((score, track));
+            }
+        }
+        Ok(best.map(|(_, track)| track))
     }
 
     /// The box of what stands out in whole pictures or, from a given box, in each part about what was found before.
