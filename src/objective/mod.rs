@@ -259,7 +259,7 @@ fn terms(sequence: &Sequence, options: &ObjectiveOptions, target: usize, alpha: 
             frames: sequence
                 .frames
                 .iter()
-                .map(|frame| silhouette::share(frame, options))
+                .map(|frame| silhouette::share(frame, options, unit_px))
                 .collect(),
         },
         inverse_depth: ffi::InverseDepthTerm {

@@ -31,7 +31,7 @@ pub struct ObjectiveOptions {
     /// Distance of a silhouette correspondence, in pixels of `silhouette_size`, that counts as none; the paper's is 0. Points and
     /// pixels have a size: without it, the pairs inside the silhouette brake every motion of the shape.
     pub silhouette_tolerance: f64,
-    /// Silhouettes are measured in pixels of images in which the object's mean mask has this size squared as its area;
+    /// Silhouettes are measured and summed in pixels of images in which the object's mean mask has this size squared as its area;
     /// 0 means pixels as they are, as in the paper. Otherwise the same video at another resolution, or a larger object
     /// in it, is another objective. The default is the size in the bundled sequence, with which weights were chosen.
     pub silhouette_size: f64,

@@ -18,8 +18,8 @@ pub(super) fn unit_px(frames: &[Frame], silhouette_size: f64) -> f64 {
     }
 }
 
-/// What a frame's mask gives to the term.
-pub(super) fn share(frame: &Frame, options: &ObjectiveOptions) -> ffi::SilhouetteShare {
+/// What a frame's mask gives to the term, where so many pixels are one of [`ObjectiveOptions::silhouette_size`]'s images.
+pub(super) fn share(frame: &Frame, options: &ObjectiveOptions, unit_px: f64) -> ffi::SilhouetteShare {
     let pixels: Vec<u32> = (0u32..)
         .zip(frame.mask.data())
         .filter(|(_, inside)| **inside)
@@ -28,7 +28,8 @@ pub(super) fn share(frame: &Frame, options: &ObjectiveOptions) -> ffi::Silhouett
     let used = thinned(&pixels, limit(options.silhouette_pixels, pixels.len()));
     let points = limit(options.silhouette_points, options.points);
     ffi::SilhouetteShare {
-        pixel_weight: pixels.len() as f64 / used.len() as f64,
+        // A sum over the pixels of those images, as that over points does not grow with the resolution either.
+        pixel_weight: pixels.len() as f64 / (unit_px * unit_px * used.len() as f64),
         pixels: used,
         points: points as u32,
         point_weight: options.point_weight * options.points as f64 / points as f64,

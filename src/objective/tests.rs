@@ -392,33 +392,34 @@ fn weak_perspective_is_perspective_from_afar() {
     assert!((near - 1.0).abs() > 5e-3, "{near}");
 }
 
-/// Silhouettes twice as large as `silhouette_size`: every length counts half.
+/// Pictures of twice the size show the same silhouettes.
 #[test]
-fn silhouettes_are_measured_in_pixels_of_their_size() {
-    let sequence = sequence(3);
-    let area = sequence
-        .frames
-        .iter()
-        .flat_map(|frame| frame.mask.data())
-        .filter(|&&inside| inside)
-        .count();
-    let value = |size: f64, length: f64, weight: f64| {
+fn the_resolution_does_not_change_the_silhouettes_cost() {
+    let (at, small) = (estimate(3), sequence(3));
+    let large = small.clone().edited(|content| {
+        for frame in &mut content.frames {
+            let (width, height) = frame.mask.size();
+            frame.mask = Mask::from_fn(2 * width, 2 * height, |c, r| frame.mask[(c / 2, r / 2)]);
+            frame.image = RgbImage::from_fn(2 * width, 2 * height, |c, r| frame.image[(c / 2, r / 2)]).into();
+            frame.camera = frame.camera.scaled(2.0, 2.0);
+            frame.depth = None;
+        }
+    });
+    let value = |sequence: &Sequence, size: f64| {
         let options = only(|o| {
-            o.silhouette_weight = weight;
+            o.silhouette_weight = 1.0;
             o.silhouette_size = size;
-            o.silhouette_tolerance = length;
-            o.silhouette_cauchy = 3.0 * length;
-            o.silhouette_agreement = 0.0;
+            o.silhouette_pixels = 0;
+            o.silhouette_points = 0;
         });
-        super::tests::value(&sequence, &options, &estimate(3)).silhouette
+        super::tests::value(sequence, &options, &at).silhouette
     };
-    let half = (area as f64 / 3.0).sqrt() / 2.0;
-    let (relative, direct) = (value(half, 0.5, 1.0), value(0.0, 1.0, 0.25));
-    assert!(
-        (relative - direct).abs() < 1e-9 * direct && direct > 0.0,
-        "{relative} {direct}"
-    );
-    assert!((value(0.0, 0.5, 1.0) - direct).abs() > 0.1 * direct);
+    let large = large.unwrap();
+    let of_size = value(&large, 40.0) / value(&small, 40.0);
+    assert!((of_size - 1.0).abs() < 0.03, "{of_size}");
+    // In pixels as they are, the distances' squares and the pixels' number both grow fourfold, but for the robust loss.
+    let of_pixels = value(&large, 0.0) / value(&small, 0.0);
+    assert!(of_pixels > 3.0, "{of_pixels}");
 }
 
 fn weak() -> ObjectiveOptions {

@@ -44,6 +44,21 @@ const AGREEMENT: f64 = 0.01;
 /// Frames to compare see the object from angles apart by this many degrees.
 const ANGLES_DEG: [f64; 2] = [2.0, 25.0];
 
+/// Pictures are halved for the sweep until the object is no more pixels across than this: the planes' number stays, and details of single pixels
+/// say little of depth.
+const OBJECT_PX: f64 = 480.0;
+
+/// How often pictures of an object so many pixels across are halved for the sweep.
+pub fn halvings(object_px: f64) -> u32 {
+    (object_px / OBJECT_PX).log2().ceil().max(0.0) as u32
+}
+
+/// Pictures at one size, and the camera that made them.
+pub struct Views<'a> {
+    pub images: Vec<(&'a RgbImage, &'a Mask)>,
+    pub camera: Pinhole,
+}
+
 /// One frame of the sweep.
 struct Swept<'a> {
     gray: Grid<f32>,
@@ -58,13 +73,14 @@ struct Swept<'a> {
 /// A depth map for every placed frame, in the motion's units; `None` for the others. `neighbours`: those to compare each with. `watch` hears of every frame, and stops all by
 /// returning false: then there is nothing.
 pub fn sweep(
-    images: &[(&RgbImage, &Mask)],
+    views: &Views,
     motion: &Motion,
     neighbours: &[Vec<usize>],
     options: &DepthOptions,
     watch: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<Option<DepthMap>>> {
-    let swept: Vec<Option<Swept>> = images
+    let swept: Vec<Option<Swept>> = views
+        .images
         .iter()
         .zip(&motion.camera_from_input)
         .enumerate()
@@ -92,7 +108,7 @@ pub fn sweep(
                 .iter()
                 .filter_map(|&k| swept[k].as_ref())
                 .collect();
-            let depth = best_planes(target, &others, &motion.camera, options);
+            let depth = best_planes(target, &others, &views.camera, options);
             Some(Some(depth))
         })
         .collect::<Option<_>>()?;
@@ -110,7 +126,7 @@ pub fn sweep(
                     Some((other_from_target, first[k].as_ref()?))
                 })
                 .collect();
-            Some(agreed(depth, &others, &motion.camera, options))
+            Some(agreed(depth, &others, &views.camera, options))
         })
         .collect();
     Some(agreed)

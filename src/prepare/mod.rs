@@ -24,11 +24,13 @@ pub use refine::RefineOptions;
 pub use save::{remove_stale, save};
 pub use stamp::Stamp;
 
-use crate::image::{DepthMap, Mask};
+use crate::image::{DepthMap, Mask, RgbImage, halve_image, halve_mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
+use depth::Views;
 use motion::{FocalEvidence, MaskedImage, Motion};
+use rayon::prelude::*;
 use refine::Refined;
 use std::path::Path;
 use std::time::Instant;
@@ -190,32 +192,55 @@ impl Work<'_> {
         let (options, watch) = (self.options, self.watch);
         let placed = motion.camera_from_input.iter().flatten().count();
         let neighbours = depth::neighbours(motion, options.depth.neighbours);
-        let images: Vec<_> = photos
-            .iter()
-            .zip(masks)
-            .map(|(photo, mask)| (&photo.image, mask))
+        let full = Views {
+            images: photos.iter().map(|photo| &photo.image).zip(masks).collect(),
+            camera: motion.camera,
+        };
+        let halvings = depth::halvings(motion::object_size(masks.iter()));
+        let halved: Vec<(RgbImage, Mask)> = full
+            .images
+            .par_iter()
+            .map(|(image, mask)| {
+                (0..halvings).fold(((*image).clone(), (*mask).clone()), |(image, mask), _| {
+                    (halve_image(&image), halve_mask(&mask))
+                })
+            })
             .collect();
+        let scale = 0.5f64.powi(halvings as i32);
+        let small = Views {
+            images: halved.iter().map(|(image, mask)| (image, mask)).collect(),
+            camera: motion.camera.scaled(scale, scale),
+        };
         let depths = self.cache.get_or("depth", key, || {
-            depth::sweep(&images, motion, &neighbours, &options.depth, &|| {
+            depth::sweep(&small, motion, &neighbours, &options.depth, &|| {
                 watch("depth", placed)
             })
             .ok_or(PrepareError::Interrupted)
         })?;
         self.end(
             "depth",
-            format!("{:.1} % of the masks", 100.0 * known_share(&depths, masks)),
+            format!(
+                "{:.1} % of the masks",
+                100.0 * known_share(&depths, halved.iter().map(|(_, mask)| mask))
+            ),
         );
         let refined = self.cache.get_or("refined", key.and(&options.refine), || {
-            refine::refine(&images, motion, &depths, &neighbours, &options.refine, &|| {
-                watch("refinement", placed + 1)
-            })?
+            refine::refine(
+                &full,
+                (&small, halvings),
+                motion,
+                &depths,
+                &neighbours,
+                &options.refine,
+                &|| watch("refinement", placed + 1),
+            )?
             .ok_or(PrepareError::Interrupted)
         })?;
         self.end(
             "refinement",
             format!(
                 "poses and depth by what pixels look like: {:.1} % of the masks left",
-                100.0 * known_share(&refined.depths, masks)
+                100.0 * known_share(&refined.depths, masks.iter())
             ),
         );
         Ok(refined)
@@ -348,7 +373,7 @@ fn sequence_of(
 }
 
 /// Pixels with depth over all pixels, of the masks of placed frames.
-fn known_share(depths: &[Option<DepthMap>], masks: &[Mask]) -> f64 {
+fn known_share<'a>(depths: &[Option<DepthMap>], masks: impl Iterator<Item = &'a Mask>) -> f64 {
     let (mut known, mut all) = (0, 0);
     for (depth, mask) in depths
         .iter()

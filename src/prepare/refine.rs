@@ -2,11 +2,11 @@
 //!
 //! First all cameras with some pixels of every frame; then, those cameras held, every pixel that has a depth.
 
-use super::depth::agrees;
+use super::depth::{Views, agrees};
 use super::motion::Motion;
 use crate::bridge::bundle::ffi::{self, FreePixel, PhotometricOptions};
 use crate::geometry::{Pinhole, Pose};
-use crate::image::{DepthMap, Grid, Mask, RgbImage};
+use crate::image::{DepthMap, Grid, Mask, RgbImage, double_depth};
 use nalgebra::Vector6;
 use rayon::prelude::*;
 
@@ -62,46 +62,47 @@ struct Placed<'a> {
     neighbours: Vec<usize>,
 }
 
-/// Adjusts poses and depths. `neighbours` are frames per frame; `watch` hears of every frame, and false stops: then there is nothing.
+/// Adjusts poses and depths. `depths` are those of `small`, which are the pictures of `full` halved so many times; cameras are adjusted by the full
+/// pictures, each pixel's depth by the small ones. `neighbours` are frames per frame; `watch` hears of every frame, and false stops: then
+/// there is nothing.
 ///
 /// # Errors
 /// An exception of Ceres.
 pub fn refine(
-    images: &[(&RgbImage, &Mask)],
+    full: &Views,
+    (small, halvings): (&Views, u32),
     motion: &Motion,
     depths: &[Option<DepthMap>],
     neighbours: &[Vec<usize>],
     options: &RefineOptions,
     watch: &(dyn Fn() -> bool + Sync),
 ) -> Result<Option<Refined>, cxx::Exception> {
-    let count = images.len();
+    let count = full.images.len();
     let frames: Vec<usize> = (0..count)
         .filter(|&k| motion.camera_from_input[k].is_some() && depths[k].is_some())
-        .collect();
-    let place = |frame: usize| frames.iter().position(|&other| other == frame);
-    let mut placed: Vec<Placed> = frames
-        .iter()
-        .filter_map(|&k| {
-            Some(Placed {
-                image: images[k].0,
-                mask: images[k].1,
-                depth: depths[k].as_ref()?,
-                camera_from_input: motion.camera_from_input[k]?,
-                neighbours: neighbours[k].iter().filter_map(|&other| place(other)).collect(),
-            })
-        })
         .collect();
     if !watch() {
         return Ok(None);
     }
-    adjust_cameras(&mut placed, &motion.camera, options)?;
-    let adjusted = (0..placed.len())
+    let sizes: Vec<(usize, usize)> = full.images.iter().map(|(image, _)| image.size()).collect();
+    let enlarged: Vec<Option<DepthMap>> = depths
+        .par_iter()
+        .zip(&sizes)
+        .map(|(depth, &size)| Some(enlarged(depth.as_ref()?, size, halvings)))
+        .collect();
+    let mut by_full = placed(full, &frames, motion, &enlarged, neighbours);
+    adjust_cameras(&mut by_full, &full.camera, options)?;
+    let mut by_small = placed(small, &frames, motion, depths, neighbours);
+    for (small, full) in by_small.iter_mut().zip(&by_full) {
+        small.camera_from_input = full.camera_from_input;
+    }
+    let adjusted = (0..by_small.len())
         .into_par_iter()
         .map(|k| {
             if !watch() {
                 return Ok(None);
             }
-            adjust_depth(&placed, k, &motion.camera, options).map(Some)
+            adjust_depth(&by_small, k, &small.camera, options).map(Some)
         })
         .collect::<Result<Option<Vec<_>>, cxx::Exception>>()?;
     let Some(adjusted) = adjusted else {
@@ -112,12 +113,50 @@ pub fn refine(
         depths: vec![None; count],
         deviations: vec![None; count],
     };
-    for ((&frame, placed), (depth, deviation)) in frames.iter().zip(&placed).zip(adjusted) {
+    for ((&frame, placed), (depth, deviation)) in frames.iter().zip(&by_full).zip(adjusted) {
+        let mut depth = self::enlarged(&depth, sizes[frame], halvings);
+        for (z, inside) in depth.data_mut().iter_mut().zip(placed.mask.data()) {
+            *z *= f32::from(u8::from(*inside));
+        }
         refined.camera_from_input[frame] = Some(placed.camera_from_input);
+        refined.deviations[frame] = Some(Grid::from_fn(depth.width(), depth.height(), |column, row| {
+            let known = depth[(column, row)] > 0.0;
+            f32::from(u8::from(known)) * deviation[(column >> halvings, row >> halvings)]
+        }));
         refined.depths[frame] = Some(depth);
-        refined.deviations[frame] = Some(deviation);
     }
     Ok(Some(refined))
+}
+
+/// The depth of pictures of `size` from that of their halvings.
+fn enlarged(depth: &DepthMap, (width, height): (usize, usize), halvings: u32) -> DepthMap {
+    (0..halvings).rev().fold(depth.clone(), |coarse, level| {
+        let at = |length: usize| length.div_ceil(1 << level);
+        double_depth(&coarse, at(width), at(height))
+    })
+}
+
+/// Frames that were placed, at one size.
+fn placed<'a>(
+    views: &Views<'a>,
+    frames: &[usize],
+    motion: &Motion,
+    depths: &'a [Option<DepthMap>],
+    neighbours: &[Vec<usize>],
+) -> Vec<Placed<'a>> {
+    let place = |frame: usize| frames.iter().position(|&other| other == frame);
+    frames
+        .iter()
+        .filter_map(|&k| {
+            Some(Placed {
+                image: views.images[k].0,
+                mask: views.images[k].1,
+                depth: depths[k].as_ref()?,
+                camera_from_input: motion.camera_from_input[k]?,
+                neighbours: neighbours[k].iter().filter_map(|&other| place(other)).collect(),
+            })
+        })
+        .collect()
 }
 
 /// All pixels of a frame with a depth that other frames see, too; their `seen_in` are positions in `placed`.

@@ -24,6 +24,8 @@ const START_ANGLE_DEG: f64 = 8.0;
 const MIN_DISTANCE: f64 = 0.2;
 /// So many reconstructions are tried.
 const MAX_STARTS: usize = 8;
+/// One that fits less well, in pixels of an object 500 pixels across, may be wrong.
+const LIKELY_ERROR: f64 = 0.8;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
 
@@ -52,8 +54,9 @@ pub struct Reconstruction<'a> {
     order: Vec<usize>,
 }
 
-/// The reconstruction of most frames among those that start from pairs of views, best pair first, until one has all frames. A pair that an
-/// earlier one has placed starts none.
+/// The reconstruction of most frames, and of those the one that explains features best, among those that start from pairs of views, best pair
+/// first, until one has all frames and fits well: from two views alone, near and far may be taken for each other. A start must have a frame
+/// that was not placed, or two that started none.
 ///
 /// # Errors
 /// No pair with enough in common.
@@ -78,32 +81,49 @@ pub fn reconstruct(
         .collect();
     starts.sort_by(|a, b| score(b).total_cmp(&score(a)));
     let mut placed = vec![false; matching.features.len()];
-    let mut best: Option<Reconstruction> = None;
+    let mut started = vec![false; matching.features.len()];
+    let mut best: Option<(Reconstruction, Fit)> = None;
     for _ in 0..MAX_STARTS {
-        let Some(start) = starts
-            .iter()
-            .find(|pair| pair.frames.iter().any(|&frame| !placed[frame]))
-        else {
+        let adds = |pair: &&&Verified| {
+            let [a, b] = pair.frames;
+            !placed[a] || !placed[b] || !(started[a] || started[b])
+        };
+        let Some(start) = starts.iter().find(adds) else {
             break;
         };
         let grown = Reconstruction::new(matching, camera, options, tracks.clone(), start).grown()?;
+        let fit = grown.fit();
+        start.frames.iter().for_each(|&frame| started[frame] = true);
         grown.order.iter().for_each(|&frame| placed[frame] = true);
-        let is_all = grown.order.len() == placed.len();
-        if best
-            .as_ref()
-            .is_none_or(|best| grown.order.len() > best.order.len())
-        {
-            best = Some(grown);
+        let is_likely = fit.frames == placed.len() && fit.error_px < LIKELY_ERROR * matching.pixel;
+        if best.as_ref().is_none_or(|(_, best)| fit.is_better_than(best)) {
+            best = Some((grown, fit));
         }
-        if is_all {
+        if is_likely {
             break;
         }
     }
     let matched = || matching.pairs.iter().map(|pair| pair.matches.len()).max();
-    best.ok_or_else(|| StructureFromMotionError::NoPair {
+    let (best, _) = best.ok_or_else(|| StructureFromMotionError::NoPair {
         matched: matched().unwrap_or(0),
-    })?
-    .finished()
+    })?;
+    best.finished()
+}
+
+/// How much a reconstruction explains, and how well.
+struct Fit {
+    frames: usize,
+    /// Of points in frames.
+    observations: usize,
+    /// Root mean square over them.
+    error_px: f64,
+}
+
+impl Fit {
+    fn is_better_than(&self, other: &Self) -> bool {
+        let score = |fit: &Self| fit.observations as f64 / (0.5 + fit.error_px);
+        self.frames > other.frames || (self.frames == other.frames && score(self) > score(other))
+    }
 }
 
 /// What belongs together by the matches of all pairs.
@@ -398,22 +418,16 @@ impl<'a> Reconstruction<'a> {
     }
 
     fn motion(&self, focal_deviation: f64, focal_by_features: FocalEvidence) -> Motion {
-        let (mut points, mut seen_in, mut squares, mut count) = (Vec::new(), Vec::new(), 0.0, 0);
-        for (track, point) in self.tracks.iter().zip(&self.points) {
-            let Some(point) = point else {
-                continue;
-            };
-            let mut frames = Vec::new();
-            for &seen in track {
-                if let Some(pose) = &self.poses[seen[0] as usize] {
-                    squares += self.error(pose, point, seen).powi(2);
-                    count += 1;
-                    frames.push(seen[0]);
-                }
-            }
-            points.push(*point);
-            seen_in.push(frames);
-        }
+        let (points, seen_in) = self
+            .tracks
+            .iter()
+            .zip(&self.points)
+            .filter_map(|(track, point)| {
+                let frames = track.iter().map(|seen| seen[0]);
+                let placed = frames.filter(|&frame| self.poses[frame as usize].is_some());
+                Some(((*point)?, placed.collect()))
+            })
+            .unzip();
         Motion {
             camera: self.zoomed(),
             camera_from_input: self.poses.clone(),
@@ -421,7 +435,24 @@ impl<'a> Reconstruction<'a> {
             seen_in,
             focal_deviation,
             focal_by_features,
-            error_px: (squares / f64::from(count.max(1))).sqrt(),
+            error_px: self.fit().error_px,
+        }
+    }
+
+    fn fit(&self) -> Fit {
+        let known = self.tracks.iter().zip(&self.points);
+        let squares: Vec<f64> = known
+            .filter_map(|(track, point)| Some((track, point.as_ref()?)))
+            .flat_map(|(track, point)| track.iter().map(move |seen| (point, *seen)))
+            .filter_map(|(point, seen)| {
+                let pose = self.poses[seen[0] as usize].as_ref()?;
+                Some(self.error(pose, point, seen).powi(2))
+            })
+            .collect();
+        Fit {
+            frames: self.order.len(),
+            observations: squares.len(),
+            error_px: (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt(),
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::alike::{ENTRIES, alike};
 use super::{MaskedImage, StructureFromMotionError};
 use crate::bridge::vision::ffi::{self, DetectOptions};
+use crate::image::Mask;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -54,7 +55,7 @@ pub fn match_features(
     views: &[MaskedImage],
     watch: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Matching, StructureFromMotionError> {
-    let size = object_size(views);
+    let size = object_size(views.iter().map(|view| view.mask));
     let found: Vec<(Vec<[f64; 2]>, DMatrix<f32>)> = views
         .par_iter()
         .map(|view| detect(view, (OBJECT_PX / size).clamp(1.0, 4.0), BORDER * size))
@@ -94,10 +95,9 @@ fn likely([a, b]: [usize; 2], features_a: &DMatrix<f32>, features_b: &DMatrix<f3
 }
 
 /// The diagonal of the median mask's box, in pixels.
-fn object_size(views: &[MaskedImage]) -> f64 {
-    let mut sizes: Vec<f64> = views
-        .iter()
-        .filter_map(|view| view.mask.bounds())
+pub fn object_size<'a>(masks: impl Iterator<Item = &'a Mask>) -> f64 {
+    let mut sizes: Vec<f64> = masks
+        .filter_map(Mask::bounds)
         .map(|[left, top, right, bottom]| ((right - left) as f64).hypot((bottom - top) as f64))
         .collect();
     sizes.sort_by(f64::total_cmp);

@@ -9,7 +9,7 @@ mod matching;
 mod points;
 mod tracks;
 
-pub use matching::{Matching, match_features};
+pub use matching::{Matching, match_features, object_size};
 
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{Mask, RgbImage};
