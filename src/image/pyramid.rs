@@ -62,7 +62,7 @@ pub fn double_depth(coarse: &DepthMap, width: usize, height: usize) -> DepthMap 
     Grid::from_fn(width, height, |column, row| {
         let own = coarse.get(column / 2, row / 2).copied().unwrap_or(0.0);
         // The other coarse pixel beside a fine one, and its share: the centres are a quarter of a coarse pixel apart.
-        let beside = |fine: usize| (fine / 2 + fine % 2).checked_sub(usize::from(fine % 2 == 0));
+        let beside = |fine: usize| (fine / 2 + fine % 2).checked_sub(usize::from(fine.is_multiple_of(2)));
         let others = [
             (Some(column / 2), Some(row / 2), 9.0 / 16.0),
             (beside(column), Some(row / 2), 3.0 / 16.0),
