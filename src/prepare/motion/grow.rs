@@ -55,8 +55,8 @@ pub struct Reconstruction<'a> {
 }
 
 /// The reconstruction of most frames, and of those the one that explains features best, among those that start from pairs of views, best pair
-/// first, until one has all frames and fits well: from two views alone, near and far may be taken for each other. A start must have a frame
-/// that was not placed, or two that started none.
+/// first, until one has all frames and, where the focal length is known, fits well: from two views alone, near and far may be taken for each
+/// other. A start must have a frame that was not placed, or two that started none.
 ///
 /// # Errors
 /// No pair with enough in common.
@@ -95,7 +95,10 @@ pub fn reconstruct(
         let fit = grown.fit();
         start.frames.iter().for_each(|&frame| started[frame] = true);
         grown.order.iter().for_each(|&frame| placed[frame] = true);
-        let is_likely = fit.frames == placed.len() && fit.error_px < LIKELY_ERROR * matching.pixel;
+        // Where the focal length is open, a flat shape far away may fit better than the right one.
+        let is_open = options.focal_deviation >= FREE;
+        let fits = is_open || fit.error_px < LIKELY_ERROR * matching.pixel;
+        let is_likely = fit.frames == placed.len() && fits;
         if best.as_ref().is_none_or(|(_, best)| fit.is_better_than(best)) {
             best = Some((grown, fit));
         }
