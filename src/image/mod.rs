@@ -26,7 +26,9 @@ pub use mask_file::read_mask;
 pub use names::mask_of;
 pub use picture::Turn;
 pub use pyramid::pyramid;
-pub(crate) use pyramid::{double_depth, halve_depth, halve_image, halve_mask};
+#[cfg(feature = "vision")]
+pub(crate) use pyramid::{double_depth, halve_image};
+pub(crate) use pyramid::{halve_depth, halve_mask};
 
 pub(crate) use files::{one_line, rgb};
 pub(crate) use mask_file::mask_of_pixels;

@@ -54,10 +54,12 @@ pub fn halve_depth(depth: &DepthMap) -> DepthMap {
 }
 
 /// Depths that differ by a larger share are not of one surface.
+#[cfg(feature = "vision")]
 const SAME_SURFACE: f32 = 0.03;
 
 /// A coarse depth map at the next finer level, of this size: between four coarse pixels of one surface its inverse is bilinear, elsewhere a pixel
 /// has what the coarse one about it has.
+#[cfg(feature = "vision")]
 pub fn double_depth(coarse: &DepthMap, width: usize, height: usize) -> DepthMap {
     Grid::from_fn(width, height, |column, row| {
         let own = coarse.get(column / 2, row / 2).copied().unwrap_or(0.0);
@@ -115,6 +117,7 @@ mod tests {
         assert_eq!(sizes, [(37, 22), (19, 11), (10, 6), (5, 3)]);
     }
 
+    #[cfg(feature = "vision")]
     #[test]
     fn a_plane_s_depth_is_doubled_exactly_and_edges_are_kept() {
         let camera = Pinhole {
