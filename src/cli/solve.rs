@@ -138,20 +138,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         target,
         config: &config,
     };
-    let mut solution = problem.solve(&sequence, &starts)?;
-    #[cfg(not(feature = "vision"))]
-    let masks_anew: Vec<String> = Vec::new();
+    let found = (problem.solve(&sequence, &starts)?, Vec::new());
     #[cfg(feature = "vision")]
-    let masks_anew = match prepared != input {
-        true => problem.mend_masks(
-            &mut sequence,
-            &style,
-            &mut solution,
-            &args.raw,
-            &prior_info.category,
-        )?,
-        false => Vec::new(),
+    let found = match prepared != input {
+        true => problem.mend_masks(&mut sequence, &style, found.0, &args.raw, &prior_info.category)?,
+        false => found,
     };
+    let (mut solution, masks_anew): (Solution, Vec<String>) = found;
     // What follows sees the cameras that were found.
     sequence = sequence.edited(|content| {
         for frame in &mut content.frames {
@@ -268,31 +261,31 @@ impl Problem<'_> {
         Ok(solution)
     }
 
-    /// Masks that the shape does not explain, decided anew, and the solve gone on with them; the names of their frames.
+    /// The solve gone on with masks decided anew where the shape does not explain them, which become the sequence's, and the names of their frames.
     #[cfg(feature = "vision")]
     fn mend_masks(
         &self,
         sequence: &mut Sequence,
         style: &[f64],
-        solution: &mut Solution,
+        solution: Solution,
         raw: &RawArgs,
         category: &str,
-    ) -> anyhow::Result<Vec<String>> {
+    ) -> anyhow::Result<(Solution, Vec<String>)> {
         if solution.termination == Termination::Interrupted {
-            return Ok(Vec::new());
+            return Ok((solution, Vec::new()));
         }
-        let Some((mended, names)) = with_masks_by_shape(sequence, &self.prior, solution, raw, category)?
+        let Some((mended, names)) = with_masks_by_shape(sequence, &self.prior, &solution, raw, category)?
         else {
-            return Ok(Vec::new());
+            return Ok((solution, Vec::new()));
         };
         println!(
             "{:16} decided anew where the shape did not explain them: {}",
             "masks",
             names.join(", ")
         );
-        *solution = self.solve_from(&mended, style, solution.clone())?;
+        let solution = self.solve_from(&mended, style, solution)?;
         *sequence = mended;
-        Ok(names)
+        Ok((solution, names))
     }
 
     /// Again, from the cameras that were found with other masks, and the style from `style`.

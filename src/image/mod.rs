@@ -25,9 +25,9 @@ pub use grid::{DepthMap, Grid, Mask, RgbImage};
 pub use mask_file::read_mask;
 pub use names::mask_of;
 pub use picture::Turn;
-pub use pyramid::pyramid;
 #[cfg(feature = "vision")]
-pub(crate) use pyramid::{double_depth, halve_image};
+pub(crate) use pyramid::halve_image;
+pub use pyramid::pyramid;
 pub(crate) use pyramid::{halve_depth, halve_mask};
 
 pub(crate) use files::{one_line, rgb};

@@ -54,7 +54,7 @@ pub fn halvings(object_px: f64) -> u32 {
 }
 
 /// Pictures at one size, and the camera that made them.
-pub struct Views<'a> {
+pub struct ScaledFrames<'a> {
     pub images: Vec<(&'a RgbImage, &'a Mask)>,
     pub camera: Pinhole,
 }
@@ -73,13 +73,13 @@ struct Swept<'a> {
 /// A depth map for every placed frame, in the motion's units; `None` for the others. `neighbours`: those to compare each with. `watch` hears of every frame, and stops all by
 /// returning false: then there is nothing.
 pub fn sweep(
-    views: &Views,
+    frames: &ScaledFrames,
     motion: &Motion,
     neighbours: &[Vec<usize>],
     options: &DepthOptions,
     watch: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<Option<DepthMap>>> {
-    let swept: Vec<Option<Swept>> = views
+    let swept: Vec<Option<Swept>> = frames
         .images
         .iter()
         .zip(&motion.camera_from_input)
@@ -108,7 +108,7 @@ pub fn sweep(
                 .iter()
                 .filter_map(|&k| swept[k].as_ref())
                 .collect();
-            let depth = best_planes(target, &others, &views.camera, options);
+            let depth = best_planes(target, &others, &frames.camera, options);
             Some(Some(depth))
         })
         .collect::<Option<_>>()?;
@@ -126,7 +126,7 @@ pub fn sweep(
                     Some((other_from_target, first[k].as_ref()?))
                 })
                 .collect();
-            Some(agreed(depth, &others, &views.camera, options))
+            Some(agreed(depth, &others, &frames.camera, options))
         })
         .collect();
     Some(agreed)

@@ -2,6 +2,7 @@
 
 mod cache;
 mod depth;
+mod enlarge;
 mod error;
 mod focal;
 mod masks;
@@ -28,7 +29,7 @@ use crate::image::{DepthMap, Mask, RgbImage, halve_image, halve_mask};
 use crate::report::{forget_peak_memory, peak_memory_mb};
 use crate::sequence::{Frame, Sequence, SequenceContent};
 use cache::Key;
-use depth::Views;
+use depth::ScaledFrames;
 use motion::{FocalEvidence, MaskedImage, Motion};
 use rayon::prelude::*;
 use refine::Refined;
@@ -81,7 +82,7 @@ pub struct StageReport {
 pub type ProgressCallback<'a> = dyn Fn(&'static str, usize) -> bool + Sync + 'a;
 
 /// What is to be done, the stages that are done, and when the one under way began.
-struct Work<'a> {
+struct Preparation<'a> {
     options: &'a PrepareOptions,
     cache: &'a Cache,
     watch: &'a ProgressCallback<'a>,
@@ -89,7 +90,7 @@ struct Work<'a> {
     began: Instant,
 }
 
-impl Work<'_> {
+impl Preparation<'_> {
     /// What the stage under way did; the next one begins.
     fn end(&mut self, name: &'static str, words: String) {
         self.stages.push(StageReport {
@@ -165,7 +166,7 @@ impl Work<'_> {
                     return Err(StructureFromMotionError::Interrupted);
                 }
                 match motion::motion(&matching, camera, &motion_options) {
-                    Ok(found) if best.as_ref().is_none_or(|best| score(&found) > score(best)) => {
+                    Ok(found) if best.as_ref().is_none_or(|best| found.score() > best.score()) => {
                         best = Some(found);
                     }
                     Ok(_) => {}
@@ -192,23 +193,31 @@ impl Work<'_> {
         let (options, watch) = (self.options, self.watch);
         let placed = motion.camera_from_input.iter().flatten().count();
         let neighbours = depth::neighbours(motion, options.depth.neighbours);
-        let full = Views {
+        let full = ScaledFrames {
             images: photos.iter().map(|photo| &photo.image).zip(masks).collect(),
             camera: motion.camera,
         };
         let halvings = depth::halvings(motion::object_size(masks.iter()));
-        let halved: Vec<(RgbImage, Mask)> = full
+        let halved: Vec<Option<(RgbImage, Mask)>> = full
             .images
             .par_iter()
             .map(|(image, mask)| {
-                (0..halvings).fold(((*image).clone(), (*mask).clone()), |(image, mask), _| {
-                    (halve_image(&image), halve_mask(&mask))
+                (0..halvings).fold(None, |last: Option<(RgbImage, Mask)>, _| {
+                    let (image, mask) = last
+                        .as_ref()
+                        .map_or((*image, *mask), |(image, mask)| (image, mask));
+                    Some((halve_image(image), halve_mask(mask)))
                 })
             })
             .collect();
         let scale = 0.5f64.powi(halvings as i32);
-        let small = Views {
-            images: halved.iter().map(|(image, mask)| (image, mask)).collect(),
+        let small = ScaledFrames {
+            images: full
+                .images
+                .iter()
+                .zip(&halved)
+                .map(|(whole, halved)| halved.as_ref().map_or(*whole, |(image, mask)| (image, mask)))
+                .collect(),
             camera: motion.camera.scaled(scale, scale),
         };
         let depths = self.cache.get_or("depth", key, || {
@@ -221,7 +230,7 @@ impl Work<'_> {
             "depth",
             format!(
                 "{:.1} % of the masks",
-                100.0 * known_share(&depths, halved.iter().map(|(_, mask)| mask))
+                100.0 * known_share(&depths, small.images.iter().map(|(_, mask)| *mask))
             ),
         );
         let refined = self.cache.get_or("refined", key.and(&options.refine), || {
@@ -259,7 +268,7 @@ pub fn prepare(
 ) -> Result<Prepared, PrepareError> {
     check(options)?;
     forget_peak_memory();
-    let mut work = Work {
+    let mut preparation = Preparation {
         options,
         cache,
         watch,
@@ -271,18 +280,18 @@ pub fn prepare(
     let Photos { photos, notes } = found.read(&options.photos)?;
     let (width, height) = photos.first().map_or((0, 0), |photo| photo.image.size());
     let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
-    work.end("frames", format!("{} of {width} × {height}{notes}", photos.len()));
+    preparation.end("frames", format!("{} of {width} × {height}{notes}", photos.len()));
 
-    let (photos, masks) = work.with_object(photos, key)?;
+    let (photos, masks) = preparation.with_object(photos, key)?;
     let contents: Vec<&[bool]> = masks.iter().map(Mask::data).collect();
     let key = Key::of(&(key, contents)).and(&options.motion).and(&options.focal);
-    let (motion, known_focal, focal_source) = work.moved(&photos, &masks, key)?;
-    work.end(
+    let (motion, known_focal, focal_source) = preparation.moved(&photos, &masks, key)?;
+    preparation.end(
         "motion",
         motion_in_words(&photos, &motion, &focal_source.say(&motion, known_focal)),
     );
     let key = key.and(&options.depth);
-    let refined = work.refined(&photos, &masks, &motion, key)?;
+    let refined = preparation.refined(&photos, &masks, &motion, key)?;
     let name = input
         .file_stem()
         .unwrap_or_default()
@@ -290,7 +299,7 @@ pub fn prepare(
         .into_owned();
     Ok(Prepared {
         sequence: sequence_of(name, photos, masks, &motion, refined)?,
-        stages: work.stages,
+        stages: preparation.stages,
     })
 }
 
@@ -384,10 +393,4 @@ fn known_share<'a>(depths: &[Option<DepthMap>], masks: impl Iterator<Item = &'a 
         all += mask.data().iter().filter(|&&inside| inside).count();
     }
     known as f64 / all.max(1) as f64
-}
-
-/// The score by which motions are compared: the number of observations over 0.5 + the reprojection error in pixels.
-fn score(motion: &Motion) -> f64 {
-    let observations: usize = motion.seen_in.iter().map(Vec::len).sum();
-    observations as f64 / (0.5 + motion.error_px)
 }

@@ -2,11 +2,12 @@
 //!
 //! First all cameras with some pixels of every frame; then, those cameras held, every pixel that has a depth.
 
-use super::depth::{Views, agrees};
+use super::depth::{ScaledFrames, agrees};
+use super::enlarge::enlarged;
 use super::motion::Motion;
 use crate::bridge::bundle::ffi::{self, FreePixel, PhotometricOptions};
 use crate::geometry::{Pinhole, Pose};
-use crate::image::{DepthMap, Grid, Mask, RgbImage, double_depth};
+use crate::image::{DepthMap, Grid, Mask, RgbImage};
 use nalgebra::Vector6;
 use rayon::prelude::*;
 
@@ -69,8 +70,8 @@ struct Placed<'a> {
 /// # Errors
 /// An exception of Ceres.
 pub fn refine(
-    full: &Views,
-    (small, halvings): (&Views, u32),
+    full: &ScaledFrames,
+    (small, halvings): (&ScaledFrames, u32),
     motion: &Motion,
     depths: &[Option<DepthMap>],
     neighbours: &[Vec<usize>],
@@ -85,12 +86,12 @@ pub fn refine(
         return Ok(None);
     }
     let sizes: Vec<(usize, usize)> = full.images.iter().map(|(image, _)| image.size()).collect();
-    let enlarged: Vec<Option<DepthMap>> = depths
+    let full_depths: Vec<Option<DepthMap>> = depths
         .par_iter()
         .zip(&sizes)
         .map(|(depth, &size)| Some(enlarged(depth.as_ref()?, size, halvings)))
         .collect();
-    let mut by_full = placed(full, &frames, motion, &enlarged, neighbours);
+    let mut by_full = placed(full, &frames, motion, &full_depths, neighbours);
     adjust_cameras(&mut by_full, &full.camera, options)?;
     let mut by_small = placed(small, &frames, motion, depths, neighbours);
     for (small, full) in by_small.iter_mut().zip(&by_full) {
@@ -114,7 +115,7 @@ pub fn refine(
         deviations: vec![None; count],
     };
     for ((&frame, placed), (depth, deviation)) in frames.iter().zip(&by_full).zip(adjusted) {
-        let mut depth = self::enlarged(&depth, sizes[frame], halvings);
+        let mut depth = enlarged(&depth, sizes[frame], halvings);
         for (z, inside) in depth.data_mut().iter_mut().zip(placed.mask.data()) {
             *z *= f32::from(u8::from(*inside));
         }
@@ -128,17 +129,9 @@ pub fn refine(
     Ok(Some(refined))
 }
 
-/// The depth of pictures of `size` from that of their halvings.
-fn enlarged(depth: &DepthMap, (width, height): (usize, usize), halvings: u32) -> DepthMap {
-    (0..halvings).rev().fold(depth.clone(), |coarse, level| {
-        let at = |length: usize| length.div_ceil(1 << level);
-        double_depth(&coarse, at(width), at(height))
-    })
-}
-
 /// Frames that were placed, at one size.
 fn placed<'a>(
-    views: &Views<'a>,
+    scaled: &ScaledFrames<'a>,
     frames: &[usize],
     motion: &Motion,
     depths: &'a [Option<DepthMap>],
@@ -149,8 +142,8 @@ fn placed<'a>(
         .iter()
         .filter_map(|&k| {
             Some(Placed {
-                image: views.images[k].0,
-                mask: views.images[k].1,
+                image: scaled.images[k].0,
+                mask: scaled.images[k].1,
                 depth: depths[k].as_ref()?,
                 camera_from_input: motion.camera_from_input[k]?,
                 neighbours: neighbours[k].iter().filter_map(|&other| place(other)).collect(),

@@ -305,7 +305,8 @@ mod tests {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("mesh.glb");
         let colours = image::RgbImage::from_fn(3, 5, |x, y| image::Rgb([10 * x as u8, y as u8, 255]));
-        write_mesh(&path, (&mesh, &[]), &colours, "a frame", Some(4.5)).unwrap();
+        let deviations = [0.5, 0.25, 0.125, 0.75];
+        write_mesh(&path, (&mesh, &deviations), &colours, "a frame", Some(4.5)).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes.len() % 4, 0);
         assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());
@@ -331,6 +332,16 @@ mod tests {
             (6, &[0, 1, 2, 3, 4, 5][..])
         );
         assert_eq!((positions[5], at[5]), ([0.0, 0.5, -2.0], [1.0, 0.0]));
+        let accessor = primitive
+            .attributes()
+            .find(|(semantic, _)| *semantic == gltf::Semantic::Extras("DEVIATION".into()))
+            .unwrap()
+            .1;
+        let of_corners: Vec<f32> =
+            gltf::accessor::Iter::new(accessor, |buffer| Some(&buffers[buffer.index()].0[..]))
+                .unwrap()
+                .collect();
+        assert_eq!(of_corners, [0.5, 0.25, 0.125, 0.5, 0.125, 0.75]);
         assert_eq!(at[2], [0.0, 0.75]);
         assert!(
             primitive

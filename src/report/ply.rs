@@ -230,6 +230,28 @@ mod tests {
     }
 
     #[test]
+    fn known_deviations_end_the_vertices() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("shape.ply");
+        let vertices = Vertices {
+            points: &[Vector3::x(), Vector3::y()],
+            normals: &[Vector3::x(), Vector3::y()],
+            colours: &[[1, 2, 3]; 2],
+            deviations: &[0.25, 0.5],
+        };
+        write_shape(&path, &vertices, None, &[]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let header = String::from_utf8_lossy(&bytes);
+        assert!(
+            header.contains("property float deviation\nend_header\n"),
+            "{header}"
+        );
+        let end = bytes.len();
+        assert_eq!(bytes[end - 31 - 4..end - 31], 0.25f32.to_le_bytes());
+        assert_eq!(bytes[end - 4..], 0.5f32.to_le_bytes());
+    }
+
+    #[test]
     fn what_is_no_ply_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("shape.ply");

@@ -138,7 +138,7 @@ pub fn tracks(
         .collect();
     let mut found: Vec<Track> = Vec::new();
     while found.len() < MAX_TRACKS
-        && let Some(track) = best(&nodes, given.map(|(at, _)| at))
+        && let Some(track) = best_track(&nodes, given.map(|(at, _)| at))
         && found
             .first()
             .is_none_or(|first| track.score >= RIVAL * first.score)
@@ -155,7 +155,7 @@ pub fn tracks(
 }
 
 /// The best chain of weighted detections, which passes a frame where the object's box was given.
-fn best(nodes: &[Vec<(Sides, f64)>], given: Option<usize>) -> Option<Track> {
+fn best_track(nodes: &[Vec<(Sides, f64)>], given: Option<usize>) -> Option<Track> {
     let mut chains: Vec<Vec<Chain>> = Vec::new();
     for (frame, found) in nodes.iter().enumerate() {
         // A given box is on the chain: none may start after it, nor pass it by.

@@ -7,6 +7,7 @@ mod focal;
 mod grow;
 mod matching;
 mod points;
+mod start;
 mod tracks;
 
 pub use matching::{Matching, match_features, object_size};
@@ -14,7 +15,7 @@ pub use matching::{Matching, match_features, object_size};
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{Mask, RgbImage};
 pub use focal::{FREE, FocalEvidence};
-use grow::reconstruct;
+use start::reconstruct;
 
 /// Options of the search for the camera's motion.
 #[derive(Clone, Debug)]
@@ -56,6 +57,18 @@ pub struct Motion {
     pub focal_by_features: FocalEvidence,
     /// Root mean square over all observations.
     pub error_px: f64,
+}
+
+impl Motion {
+    /// By which motions are compared.
+    pub fn score(&self) -> f64 {
+        score(self.seen_in.iter().map(Vec::len).sum(), self.error_px)
+    }
+}
+
+/// The number of observations over 0.5 + the reprojection error in pixels.
+fn score(observations: usize, error_px: f64) -> f64 {
+    observations as f64 / (0.5 + error_px)
 }
 
 /// Why there is no motion.

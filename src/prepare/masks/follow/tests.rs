@@ -146,3 +146,35 @@ fn the_last_frame_is_looked_at_too() {
     assert_eq!(key_frames(1), [0]);
     assert!(key_frames(0).is_empty());
 }
+
+/// Of two tracks the one of less score, about what the class network sees.
+#[test]
+fn what_is_of_the_class_beats_a_larger_box_that_stays() {
+    let (photos, _) = photos(None);
+    let folder = tempfile::tempdir().unwrap();
+    tiny::redness(folder.path());
+    let networks = Networks::read(folder.path(), Some("car")).unwrap();
+    let segmenter = Segmenter {
+        photos: &photos,
+        networks: &networks,
+        cache: &Cache::none(),
+        key: Key::of("photos"),
+    };
+    let track = |score: f64, sides: &dyn Fn(f64) -> [f64; 4]| Track {
+        boxes: (0..7)
+            .map(|frame| Some(Sides(sides(2.0 * f64::from(frame)))))
+            .collect(),
+        score,
+    };
+    let platform = track(10.0, &|_| [10.0, 20.0, 180.0, 120.0]);
+    let object = track(9.0, &|x| [60.0 + x, 40.0, 108.0 + x, 80.0]);
+    let part = track(9.5, &|x| [70.0 + x, 50.0, 90.0 + x, 65.0]);
+    let tracks = vec![platform.clone(), part, object.clone()];
+    assert_eq!(segmenter.likeliest(tracks).unwrap(), Some(object));
+    // Alone, it is what was detected.
+    assert_eq!(
+        segmenter.likeliest(vec![platform.clone()]).unwrap(),
+        Some(platform)
+    );
+    assert_eq!(segmenter.likeliest(Vec::new()).unwrap(), None);
+}
