@@ -16,7 +16,7 @@ const FIT_SAMPLES_PER_POINT: usize = 4;
 /// what the data tell.
 const FIT_RIDGE: f64 = 1e-5;
 
-/// Errors of one way of learning over the held-out shapes, in diagonals.
+/// Errors of one way of learning, and of fitting, over the held-out shapes, in diagonals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitError {
     /// Mean, s by least squares to the held-out shape's corresponded points.
@@ -69,16 +69,16 @@ pub const DEFAULT_NOISE: f64 = 0.143;
 /// those learned from.
 ///
 /// Fits by Chamfer distance minimise ½‖s‖² + Σ d² / (2 noise²) over the distances of both ways, those from the shape weighing as much as
-/// those to it. The correspondences are those of the whole collection: what is left out is left out of learning from them.
+/// those to it. Every prior is fitted with each of `noises`; what comes out has the noises of the first learner first. The correspondences are those of the whole collection: what is left out is left out of learning from them.
 pub fn leave_one_out(
     correspondences: &Correspondences,
     truth: &[OutsideSample],
     group: &[usize],
     learners: &[Box<Learner>],
     points: usize,
-    noise: f64,
+    noises: &[f64],
 ) -> Result<Vec<FitError>, LearnError> {
-    let held: Vec<Vec<(f64, Fit)>> = (0..truth.len())
+    let held: Vec<Vec<(f64, Vec<Fit>)>> = (0..truth.len())
         .into_par_iter()
         .map(|out| {
             let rest = rest_of(group, out);
@@ -86,24 +86,26 @@ pub fn leave_one_out(
             let errors = learners.iter().map(|learner| {
                 let prior = learner(&rest)?;
                 let corresponded = fit(&prior, points, 0.0, |_| own.iter().map(|&x| (x, 1.0)).collect());
-                let fitted = fitted(&prior, &truth[out].points, points, noise * noise / points as f64);
                 let error = |style: &[f64]| chamfer(&shape(&prior, style, points), &truth[out].points);
-                let fit = Fit {
-                    chamfer: error(&fitted),
-                    style: fitted,
-                };
-                Ok((error(&corresponded), fit))
+                let fits = noises.iter().map(|noise| {
+                    let style = fitted(&prior, &truth[out].points, points, noise * noise / points as f64);
+                    Fit {
+                        chamfer: error(&style),
+                        style,
+                    }
+                });
+                Ok((error(&corresponded), fits.collect()))
             });
             errors.collect()
         })
         .collect::<Result<_, LearnError>>()?;
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
-    Ok((0..learners.len())
-        .map(|k| {
-            let (corresponded, each): (Vec<f64>, Vec<Fit>) =
-                held.iter().map(|errors| errors[k].clone()).unzip();
+    let ways = (0..learners.len()).flat_map(|k| (0..noises.len()).map(move |n| (k, n)));
+    Ok(ways
+        .map(|(k, n)| {
+            let each: Vec<Fit> = held.iter().map(|errors| errors[k].1[n].clone()).collect();
             FitError {
-                by_correspondence: mean(&corresponded),
+                by_correspondence: mean(&held.iter().map(|errors| errors[k].0).collect::<Vec<_>>()),
                 by_chamfer: mean(&each.iter().map(|fit| fit.chamfer).collect::<Vec<_>>()),
                 each,
             }
@@ -265,9 +267,21 @@ mod tests {
                 Box::new(learner) as Box<Learner>
             })
             .into();
-        let found = leave_one_out(&correspondences, &truth, &groups, &learners, 600, DEFAULT_NOISE).unwrap();
-        assert!(found[0].by_correspondence > 0.01 && found[1].by_correspondence > 1e-3);
-        assert!(found[2].by_correspondence < 1e-6, "{found:?}");
-        assert!(found[2].by_chamfer < 0.3 * found[0].by_chamfer, "{found:?}");
+        let found = leave_one_out(
+            &correspondences,
+            &truth,
+            &groups,
+            &learners,
+            600,
+            &[DEFAULT_NOISE, 1.0],
+        )
+        .unwrap();
+        // Two noises each.
+        let [none, one, two] = [&found[0], &found[2], &found[4]];
+        assert!(none.by_correspondence > 0.01 && one.by_correspondence > 1e-3);
+        assert!(two.by_correspondence < 1e-6, "{found:?}");
+        assert!(two.by_chamfer < 0.3 * none.by_chamfer, "{found:?}");
+        // The less a sample is trusted, the more the fit keeps to the mean.
+        assert!(found[5].by_chamfer > 2.0 * two.by_chamfer, "{found:?}");
     }
 }

@@ -77,9 +77,9 @@ struct Eval {
     /// Points the reconstruction is compared at.
     #[arg(long, default_value_t = 2048)]
     points: usize,
-    /// How far a sample is trusted when a shape is fitted, in diagonals: the less, the more the prior's likelihood counts.
-    #[arg(long, default_value_t = prior::DEFAULT_NOISE)]
-    noise: f64,
+    /// How far off a sample is taken to be when a shape is fitted, in diagonals: the more, the more the prior's likelihood counts.
+    #[arg(long, value_delimiter = ',', default_values_t = [prior::DEFAULT_NOISE])]
+    noise: Vec<f64>,
     /// Also print every held-out model's error with the most components.
     #[arg(long)]
     each: bool,
@@ -249,6 +249,13 @@ pub fn portable(path: &Path) -> String {
 }
 
 fn eval(args: &Eval) -> anyhow::Result<()> {
+    if let Some(noise) = args
+        .noise
+        .iter()
+        .find(|&&noise| !(noise > 0.0 && noise.is_finite()))
+    {
+        bail!("--noise {noise}: must be a length above 0, in diagonals");
+    }
     if let Some(template) = &args.template {
         return surface::eval(args, template);
     }
@@ -288,14 +295,14 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         .filter(|&(kind, styles)| kind == Kind::Linear || styles > 0)
         .collect();
     let learners: Vec<_> = ways.iter().map(|&way| learner(way)).collect();
-    let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points, args.noise)?;
+    let errors = prior::leave_one_out(&found, &truth, &groups, &learners, args.points, &args.noise)?;
     bar.finish();
     println!(
         "leave-one-out over {} models, {} points, % of the diagonal",
         models.len(),
         args.points
     );
-    print_errors(&ways, &errors);
+    print_errors(&ways, &args.noise, &errors);
     let own: Vec<f64> = found
         .shapes
         .iter()
@@ -333,18 +340,20 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
 }
 
 /// The errors of a model left out, by kind and number of styles.
-fn print_errors(ways: &[(Kind, usize)], errors: &[prior::FitError]) {
+fn print_errors(ways: &[(Kind, usize)], noises: &[f64], errors: &[prior::FitError]) {
     println!(
-        "{:7} {:>6}  {:>17}  {:>10}",
-        "kind", "styles", "by correspondence", "by Chamfer"
+        "{:7} {:>6}  {:>17}  {:>6}  {:>10}",
+        "kind", "styles", "by correspondence", "noise", "by Chamfer"
     );
-    for ((kind, styles), row) in ways.iter().zip(errors) {
-        println!(
-            "{:7} {styles:>6}  {:>17.3}  {:>10.3}",
-            kind.name(),
-            100.0 * row.by_correspondence,
-            100.0 * row.by_chamfer
-        );
+    for ((kind, styles), rows) in ways.iter().zip(errors.chunks(noises.len())) {
+        for (noise, row) in noises.iter().zip(rows) {
+            println!(
+                "{:7} {styles:>6}  {:>17.3}  {noise:>6.3}  {:>10.3}",
+                kind.name(),
+                100.0 * row.by_correspondence,
+                100.0 * row.by_chamfer
+            );
+        }
     }
 }
 

@@ -238,7 +238,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         &found.group,
         &learners,
         args.points,
-        args.noise,
+        &args.noise,
     )?;
     bar.finish();
     println!(
@@ -247,7 +247,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         args.points,
         words(&scales)
     );
-    print_errors(&ways, &errors);
+    print_errors(&ways, &args.noise, &errors);
     let own: Vec<f64> = correspondences
         .shapes
         .iter()
@@ -259,7 +259,8 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         100.0 * own.iter().sum::<f64>() / own.len().max(1) as f64
     );
     print_distortions(&found, args.each);
-    if let (Some(plain), Some(full)) = (errors.get(args.styles.len().saturating_sub(1)), errors.last()) {
+    // Those of the most styles, fitted with the last noise.
+    if let (Some(plain), Some(full)) = (errors.get(errors.len() / 2 - 1), errors.last()) {
         print_kinds(&found, plain, full, &own, args.each);
     }
     print_frames(
@@ -271,20 +272,22 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
     )
 }
 
-/// The errors of a model left out, by the number of styles and the free form.
-fn print_errors(ways: &[(usize, FreeForm)], errors: &[prior::FitError]) {
+/// The errors of a model left out, by the number of styles, the free form and the noise that samples are taken to have.
+fn print_errors(ways: &[(usize, FreeForm)], noises: &[f64], errors: &[prior::FitError]) {
     println!(
-        "{:>6} {:>9}  {:>17}  {:>10}  {:>7}  {:>7}",
-        "styles", "free form", "by correspondence", "by Chamfer", "|style|", "|form|"
+        "{:>6} {:>9}  {:>17}  {:>6}  {:>10}  {:>7}  {:>7}",
+        "styles", "free form", "by correspondence", "noise", "by Chamfer", "|style|", "|form|"
     );
-    for (&(styles, form), row) in ways.iter().zip(errors) {
-        let [style, rest] = mean_lengths(&row.each, styles);
-        println!(
-            "{styles:>6} {:>9}  {:>17.3}  {:>10.3}  {style:>7.2}  {rest:>7.2}",
-            if form == FreeForm::None { "-" } else { "yes" },
-            100.0 * row.by_correspondence,
-            100.0 * row.by_chamfer,
-        );
+    for (&(styles, form), rows) in ways.iter().zip(errors.chunks(noises.len())) {
+        for (noise, row) in noises.iter().zip(rows) {
+            let [style, rest] = mean_lengths(&row.each, styles);
+            println!(
+                "{styles:>6} {:>9}  {:>17.3}  {noise:>6.3}  {:>10.3}  {style:>7.2}  {rest:>7.2}",
+                if form == FreeForm::None { "-" } else { "yes" },
+                100.0 * row.by_correspondence,
+                100.0 * row.by_chamfer,
+            );
+        }
     }
 }
 

@@ -9,6 +9,9 @@ use rayon::prelude::*;
 pub const FREE: f64 = 1.0;
 /// No evidence is taken to be better than this.
 const MIN_DEVIATION: f64 = 0.005;
+/// How often features mislead all together, and by how much then (standard deviation of the logarithm): reflections that slide over a whole
+/// body pull every part of it the same way, which leaving out parts cannot show.
+const MISLED: (f64, f64) = (1.0 / 3.0, 0.2);
 
 /// A focal length and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -26,6 +29,34 @@ impl FocalEvidence {
         Self {
             px: log.exp(),
             deviation: (own + theirs).powf(-0.5),
+        }
+    }
+
+    /// This and what features say, which may be as good as they seem or mislead: the mean and the deviation of the mixture of both cases. Where
+    /// features agree with what was known, they are believed; the more they contradict it, the less.
+    pub fn fused_with_features(self, features: Self) -> Self {
+        let (share, misled) = MISLED;
+        let cases = [
+            (1.0 - share, features.deviation),
+            (share, features.deviation.hypot(misled)),
+        ];
+        let cases = cases.map(|(share, deviation)| {
+            let case = Self {
+                deviation,
+                ..features
+            };
+            let likelihood = (-0.5 * self.apart(case).powi(2)).exp() / self.deviation.hypot(deviation);
+            (share * likelihood, self.fused(case))
+        });
+        let total: f64 = cases.iter().map(|(weight, _)| weight).sum();
+        let mean = |of: &dyn Fn(&Self) -> f64| {
+            cases.iter().map(|(weight, both)| weight * of(both)).sum::<f64>() / total
+        };
+        let log = mean(&|both| both.px.ln());
+        let variance = mean(&|both| both.deviation.powi(2) + (both.px.ln() - log).powi(2));
+        Self {
+            px: log.exp(),
+            deviation: variance.sqrt(),
         }
     }
 
@@ -92,6 +123,29 @@ mod tests {
         assert!((both.px - 300.0 * 1.1f64.powf(share)).abs() < 1e-9);
         assert!((both.deviation - 0.01 * (100.0f64 / 101.0).sqrt()).abs() < 1e-12);
         assert!((sharp.apart(blunt) - 1.1f64.ln() / 0.0101f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn features_are_believed_unless_they_contradict_what_was_known() {
+        let known = FocalEvidence {
+            px: 300.0,
+            deviation: 0.06,
+        };
+        let features = |px: f64| FocalEvidence { px, deviation: 0.05 };
+        // Alike, both hold as they seem, but for the chance of misleading ones.
+        let agreed = known.fused_with_features(features(300.0));
+        let both = known.fused(features(300.0));
+        assert!((agreed.px - 300.0).abs() < 1e-9);
+        assert!(agreed.deviation > both.deviation && agreed.deviation < 1.15 * both.deviation);
+        // Five times the deviation of their difference apart, the features are those that mislead.
+        let far = features(300.0 * (5.0 * 0.06f64.hypot(0.05)).exp());
+        let misleading = FocalEvidence {
+            deviation: 0.05f64.hypot(0.2),
+            ..far
+        };
+        let contradicted = known.fused_with_features(far);
+        assert!((contradicted.px / known.fused(misleading).px).ln().abs() < 1e-3);
+        assert!(known.fused(far).px > 1.1 * contradicted.px);
     }
 
     #[test]

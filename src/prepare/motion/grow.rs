@@ -94,10 +94,11 @@ impl<'a> Reconstruction<'a> {
         let focal_deviation = if self.free_focal {
             by_features.deviation
         } else if known > 0.0 {
-            let both = by_features.fused(FocalEvidence {
+            let known = FocalEvidence {
                 px: self.focal_px(),
                 deviation: known,
-            });
+            };
+            let both = known.fused_with_features(by_features);
             self.zoom = both.px / self.camera.fx;
             self.adjust(ROUNDS)?;
             both.deviation
