@@ -9,8 +9,8 @@ use anyhow::{Context, bail};
 use learning::{Kind, Learning, Network};
 pub use sources::load_models;
 use sources::{licences, source_of};
-use spba_ceres::cad::NamedModel;
-use spba_ceres::prior::learn::{LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
+use spba_ceres::cad::{NamedModel, OutsideSample};
+use spba_ceres::prior::learn::{Correspondences, LearnOptions, Progress, SAMPLES, TrainingShape, correspond};
 use spba_ceres::prior::{self, PriorInfo, ShapePrior};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -303,19 +303,7 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         args.points
     );
     print_errors(&ways, &args.noise, &errors);
-    let own: Vec<f64> = found
-        .shapes
-        .iter()
-        .zip(&truth)
-        .map(|(shape, truth)| prior::chamfer(&prior::points_of(shape, args.points), &truth.points))
-        .collect();
-    let floor = own.iter().sum::<f64>() / own.len() as f64;
-    println!(
-        "{:7} {:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
-        "-",
-        "-",
-        100.0 * floor
-    );
+    let own = print_floor(&found, &truth, args.points);
     let Some(&last) = ways.last() else {
         bail!("--styles: a decoder needs 1 or more");
     };
@@ -355,6 +343,22 @@ fn print_errors(ways: &[(Kind, usize)], noises: &[f64], errors: &[prior::FitErro
             );
         }
     }
+}
+
+/// The Chamfer distances of the models' own corresponded points, whose mean is printed.
+fn print_floor(found: &Correspondences, truth: &[OutsideSample], points: usize) -> Vec<f64> {
+    let shapes = found.shapes.iter().zip(truth);
+    let own: Vec<f64> = shapes
+        .map(|(shape, truth)| prior::chamfer(&prior::points_of(shape, points), &truth.points))
+        .collect();
+    let floor = own.iter().sum::<f64>() / own.len() as f64;
+    println!(
+        "{:7} {:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
+        "-",
+        "-",
+        100.0 * floor
+    );
+    own
 }
 
 /// Model by model.

@@ -3,7 +3,7 @@
 use super::sources::{SourceList, licences, load_models, source_of};
 use super::{Bar, Eval, Learn, Models, print_frame_errors};
 use anyhow::{Context, ensure};
-use spba_ceres::cad::{NamedModel, sample_outside, sample_shell};
+use spba_ceres::cad::{NamedModel, OutsideSample, sample_outside, sample_shell};
 use spba_ceres::prior::learn::{
     Correspondences, LearnError, Progress, SurfaceOptions, TrainingShape, field_scales, register_all,
     residual_covariogram, surface_prior,
@@ -83,6 +83,29 @@ impl Surfaces {
         let shapes: Vec<&Vec<V3>> = of.iter().map(|&m| &self.shapes[m]).collect();
         let weights: Vec<f64> = of.iter().map(|&m| self.weights[m]).collect();
         surface_prior(&self.mesh, &shapes, &weights, options)
+    }
+
+    /// Samples of the models' outsides, of a seed and number as for priors of points: errors of both kinds are measured at one truth.
+    fn truth(&self, args: &Models) -> Vec<OutsideSample> {
+        let models = self.models.iter().enumerate();
+        models
+            .map(|(index, model)| {
+                let seed = args.seed.wrapping_add(1 << 32).wrapping_add(index as u64);
+                sample_outside(&model.mesh, 2 * args.samples, seed)
+            })
+            .collect()
+    }
+
+    /// All models at the same points of the surface as `whole`.
+    fn correspondences(&self, whole: &SurfacePrior, points: usize) -> anyhow::Result<Correspondences> {
+        let at_points = |shape: &Vec<V3>| -> anyhow::Result<Vec<f64>> {
+            let moved = whole.moved_to(shape.clone())?;
+            Ok(moved.at_points(points, FreeForm::None)?.mean().to_vec())
+        };
+        Ok(Correspondences {
+            shapes: self.shapes.iter().map(at_points).collect::<anyhow::Result<_>>()?,
+            normals: whole.at_points(points, FreeForm::None)?.normals().to_vec(),
+        })
     }
 
     fn distortions(&self) -> Vec<Distortion> {
@@ -182,16 +205,7 @@ fn words(scales: &[FieldScale]) -> String {
 pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
     let found = Surfaces::load(&args.models, template)?;
     let bar = Bar::new();
-    // Seed and number of samples as for priors of points: errors of both kinds are measured at one truth.
-    let truth: Vec<_> = found
-        .models
-        .iter()
-        .enumerate()
-        .map(|(index, model)| {
-            let seed = args.models.seed.wrapping_add(1 << 32).wrapping_add(index as u64);
-            sample_outside(&model.mesh, 2 * args.models.samples, seed)
-        })
-        .collect();
+    let truth = found.truth(&args.models);
     let most = args.styles.iter().copied().max().unwrap_or(0);
     let scales = found.scales(most);
     let all: Vec<usize> = (0..found.models.len()).collect();
@@ -204,21 +218,7 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
     };
     // One choice of points for all, so that shapes can be compared point by point.
     let (whole, _) = found.prior(&all, &options(0, 0))?;
-    let at_points = |shape: &Vec<V3>| -> anyhow::Result<Vec<f64>> {
-        Ok(whole
-            .moved_to(shape.clone())?
-            .at_points(args.points, FreeForm::None)?
-            .mean()
-            .to_vec())
-    };
-    let correspondences = Correspondences {
-        shapes: found
-            .shapes
-            .iter()
-            .map(at_points)
-            .collect::<anyhow::Result<_>>()?,
-        normals: whole.at_points(args.points, FreeForm::None)?.normals().to_vec(),
-    };
+    let correspondences = found.correspondences(&whole, args.points)?;
     let learner = |styles: usize, form: FreeForm| -> Box<prior::Learner> {
         let (found, options, whole) = (&found, &options, &whole);
         Box::new(move |of| {
