@@ -88,19 +88,8 @@ pub(super) fn descend(
                     block,
                     options,
                     &mut |iteration, so_far| {
-                        let evaluations = so_far.plus(iteration.evaluations);
-                        progress.report(TraceRow {
-                            stage: stage.clone(),
-                            step,
-                            block: block.name().to_owned(),
-                            iteration: iteration.number,
-                            objective: iteration.objective,
-                            gradient_norm: iteration.gradient_norm,
-                            alpha: iteration.alpha,
-                            residual_evaluations: evaluations.residual,
-                            jacobian_evaluations: evaluations.jacobian,
-                            seconds: progress.seconds(),
-                        })
+                        let seconds = progress.seconds();
+                        progress.report(row(&stage, step, block, iteration, so_far, seconds))
                     },
                 )?;
                 descent.steps.push(StepState {
@@ -135,6 +124,30 @@ pub(super) fn descend(
     descent.trace = progress.take_trace();
     descent.cpu_seconds = clock.seconds();
     Ok(descent)
+}
+
+/// What the trace says of an iteration of a call before which `so_far` was evaluated.
+fn row(
+    stage: &str,
+    step: usize,
+    block: Block,
+    iteration: &Iteration,
+    so_far: Evaluations,
+    seconds: f64,
+) -> TraceRow {
+    let evaluations = so_far.plus(iteration.evaluations);
+    TraceRow {
+        stage: stage.to_owned(),
+        step,
+        block: block.name().to_owned(),
+        iteration: iteration.number,
+        objective: iteration.objective,
+        gradient_norm: iteration.gradient_norm,
+        alpha: iteration.alpha,
+        residual_evaluations: evaluations.residual,
+        jacobian_evaluations: evaluations.jacobian,
+        seconds,
+    }
 }
 
 impl Descent {
