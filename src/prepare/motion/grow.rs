@@ -83,6 +83,8 @@ impl<'a> Reconstruction<'a> {
                 refused[frame] = true;
             }
         }
+        // What does not fit the last frames says nothing of how well the rest does.
+        self.adjust(1)?;
         Ok(self)
     }
 
