@@ -69,7 +69,8 @@ pub const DEFAULT_NOISE: f64 = 0.143;
 /// those learned from.
 ///
 /// Fits by Chamfer distance minimise ½‖s‖² + Σ d² / (2 noise²) over the distances of both ways, those from the shape weighing as much as
-/// those to it. Every prior is fitted with each of `noises`; what comes out has the noises of the first learner first. The correspondences are those of the whole collection: what is left out is left out of learning from them.
+/// those to it, once with each of `noises`, in diagonals. The result has the noises of the first learner first. The correspondences are those
+/// of the whole collection: what is left out is left out of learning from them.
 pub fn leave_one_out(
     correspondences: &Correspondences,
     truth: &[OutsideSample],

@@ -303,7 +303,13 @@ fn eval(args: &Eval) -> anyhow::Result<()> {
         args.points
     );
     print_errors(&ways, &args.noise, &errors);
-    let own = print_floor(&found, &truth, args.points);
+    let own = own_errors(&found, &truth, args.points);
+    println!(
+        "{:7} {:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
+        "-",
+        "-",
+        100.0 * own.iter().sum::<f64>() / own.len() as f64
+    );
     let Some(&last) = ways.last() else {
         bail!("--styles: a decoder needs 1 or more");
     };
@@ -345,20 +351,12 @@ fn print_errors(ways: &[(Kind, usize)], noises: &[f64], errors: &[prior::FitErro
     }
 }
 
-/// The Chamfer distances of the models' own corresponded points, whose mean is printed.
-fn print_floor(found: &Correspondences, truth: &[OutsideSample], points: usize) -> Vec<f64> {
+/// The Chamfer distances of the models' own corresponded points, diagonals: the floor of what a prior can reach.
+fn own_errors(found: &Correspondences, truth: &[OutsideSample], points: usize) -> Vec<f64> {
     let shapes = found.shapes.iter().zip(truth);
-    let own: Vec<f64> = shapes
+    shapes
         .map(|(shape, truth)| prior::chamfer(&prior::points_of(shape, points), &truth.points))
-        .collect();
-    let floor = own.iter().sum::<f64>() / own.len() as f64;
-    println!(
-        "{:7} {:>6}  {:>17.3}  (the model's own corresponded points: the floor)",
-        "-",
-        "-",
-        100.0 * floor
-    );
-    own
+        .collect()
 }
 
 /// Model by model.

@@ -1,7 +1,7 @@
 //! Priors of surfaces: models in correspondence through a template mesh.
 
 use super::sources::{SourceList, licences, load_models, source_of};
-use super::{Bar, Eval, Learn, Models, print_frame_errors};
+use super::{Bar, Eval, Learn, Models, own_errors, print_frame_errors};
 use anyhow::{Context, ensure};
 use spba_ceres::cad::{NamedModel, OutsideSample, sample_outside, sample_shell};
 use spba_ceres::prior::learn::{
@@ -248,19 +248,15 @@ pub fn eval(args: &Eval, template: &Path) -> anyhow::Result<()> {
         words(&scales)
     );
     print_errors(&ways, &args.noise, &errors);
-    let own: Vec<f64> = correspondences
-        .shapes
-        .iter()
-        .zip(&truth)
-        .map(|(shape, truth)| prior::chamfer(&prior::points_of(shape, args.points), &truth.points))
-        .collect();
+    let own = own_errors(&correspondences, &truth, args.points);
     println!(
         "the models' own registered surfaces, the floor: {:.3}",
         100.0 * own.iter().sum::<f64>() / own.len().max(1) as f64
     );
     print_distortions(&found, args.each);
-    // Those of the most styles, fitted with the last noise.
-    if let (Some(plain), Some(full)) = (errors.get(errors.len() / 2 - 1), errors.last()) {
+    // Those of the last number of styles, fitted with the last noise.
+    let (plain, full) = errors.split_at(errors.len() / 2);
+    if let (Some(plain), Some(full)) = (plain.last(), full.last()) {
         print_kinds(&found, plain, full, &own, args.each);
     }
     print_frames(

@@ -258,6 +258,28 @@ mod tests {
         assert!(found.error_px < 1e-3, "{}", found.error_px);
     }
 
+    /// Features of the last frame that slid along the lines on which matches are looked for, and so fit every pair.
+    #[test]
+    fn a_start_is_judged_without_what_does_not_fit() {
+        let mut matching = matching(&[(arc(11, 3.0), 60)]);
+        for feature in &mut matching.features[10][..6] {
+            feature[0] += 25.0;
+        }
+        let (camera, options) = (CAMERA, MotionOptions::default());
+        let pairs = matching.pairs.iter();
+        let verified: Vec<Verified> = pairs
+            .filter_map(|pair| verified(&matching, &camera, pair, options.error_px).unwrap())
+            .collect();
+        let tracks = tracks_of(&matching, &verified);
+        let start = verified.iter().find(|pair| pair.frames == [0, 3]).unwrap();
+        let grown = Reconstruction::new(&matching, &camera, &options, tracks, start)
+            .grown()
+            .unwrap();
+        let quality = grown.quality();
+        assert_eq!(quality.frames, 11);
+        assert!(quality.error_px < LIKELY_ERROR, "{}", quality.error_px);
+    }
+
     #[test]
     fn more_frames_count_before_a_better_fit() {
         let of = |frames, observations, error_px| Quality {
