@@ -100,6 +100,10 @@ pub struct Args {
     /// The object's real length from front to back: mesh.glb is then in metres [default: unknown, mesh.glb is in diagonals]
     #[arg(long, value_name = "METRES")]
     length: Option<f64>,
+    /// Also record pictures, cameras and the mesh over the solver's steps into this file (.rrd) for the rerun viewer
+    #[cfg(feature = "rerun")]
+    #[arg(long, value_name = "FILE")]
+    rrd: Option<PathBuf>,
     /// Threads over hypotheses; the result does not depend on it [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -116,6 +120,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return Ok(());
     };
     report::check_out(out)?;
+    #[cfg(feature = "rerun")]
+    if let Some(rrd) = &args.rrd {
+        let folder = rrd.parent().filter(|folder| *folder != Path::new(""));
+        anyhow::ensure!(
+            folder.is_none_or(Path::is_dir),
+            "--rrd {}: its folder does not exist; make it first",
+            rrd.display()
+        );
+    }
     start_threads(&mut config)?;
     let (learned, prior_info) = prior::open(&config.prior)?;
     let learned = Arc::new(learned);
@@ -173,6 +186,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         out,
     )?;
     summarise(&solution, &written, surface.mesh().is_some());
+    #[cfg(feature = "rerun")]
+    if let Some(rrd) = &args.rrd {
+        report::write_recording(&sequence, &learned, &solution, &surface, rrd)?;
+        println!("recording        {} (for the rerun viewer)", rrd.display());
+    }
     for words in &written.doubts.words {
         println!("IN DOUBT         {words}");
     }

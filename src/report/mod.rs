@@ -16,6 +16,8 @@ mod overlap;
 mod overlay;
 mod page;
 mod ply;
+#[cfg(feature = "rerun")]
+mod recording;
 mod result;
 mod review;
 mod sheet;
@@ -36,6 +38,8 @@ pub(crate) use nearest::Neighbours;
 pub use overlap::{density, hole_share, outside_share, silhouette_iou};
 pub use page::{as_solved, write_page};
 pub use ply::read_shape;
+#[cfg(feature = "rerun")]
+pub use recording::write_recording;
 pub use result::{FrameResult, ObjectiveSpan, RunResult, SimilarityRecord};
 pub use review::write_review;
 pub use surface::{Surface, UnwrappedMesh, ZBuffer};

@@ -54,6 +54,7 @@ impl Fig7 {
             "sequence",
             "frames",
             "depth_error",
+            "depth_error_at_best_scale",
             "depth_error_input",
             "orientation_error_deg",
             "location_error_percent",
@@ -65,6 +66,7 @@ impl Fig7 {
                 point.sequence.clone(),
                 point.frames.to_string(),
                 cell(point.ours.depth_error, 5),
+                cell(point.ours.depth_error_at_best_scale, 5),
                 cell(point.input.depth_error, 5),
                 cell(point.ours.orientation_error_deg, 4),
                 cell(point.ours.location_error_percent, 4),
@@ -97,6 +99,9 @@ impl Fig7 {
             y: Axis::linear("depth error, diagonals"),
             lines: vec![
                 line("ours", |point| point.ours.depth_error),
+                line("ours at the best scale", |point| {
+                    point.ours.depth_error_at_best_scale
+                }),
                 line("off-the-shelf input (semi-dense)", |point| {
                     point.input.depth_error
                 }),

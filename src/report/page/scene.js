@@ -5,10 +5,9 @@ const CHOSEN_CAMERA = 0xd1495b;
 /** Of a camera's frustum, diagonals of the object. */
 const FRUSTUM_DEPTH = 0.16;
 const FIELD_OF_VIEW_DEG = 35;
-/** Where the viewer starts: so far round from the cameras, radians, and within these distances. */
+/** Where the viewer starts: so far round from the cameras, radians, and so near, diagonals, that the object fills the view. */
 const BESIDE = 0.6;
-const MIN_DISTANCE = 2.0;
-const MAX_DISTANCE = 2.9;
+const DISTANCE = 1.9;
 
 /** Opens the viewer, or says why it cannot; calls `picked` with the index of a camera that is clicked. */
 async function openScene(data, pictures, picked) {
@@ -174,21 +173,13 @@ class SceneView {
     this.draw();
   }
 
-  /** Beside the cameras and a little higher, as far away as shows all of them, unless that is very far. */
+  /** Beside the cameras and a little higher. */
   startingPoint() {
     const centres = this.data.frames.map((frame) => new viewer.Vector3().setFromMatrixPosition(objectFromCamera(frame)));
-    const from = centres.reduce((sum, centre) => sum.add(centre.clone().normalize()), new viewer.Vector3()).setY(0);
+    const from = centres.reduce((sum, centre) => sum.add(centre.normalize()), new viewer.Vector3()).setY(0);
     if (from.length() < 0.1) from.set(0, 0, -1);
-    from.normalize().applyAxisAngle(new viewer.Vector3(0, 1, 0), BESIDE).setY(0.45).normalize();
-    const right = new viewer.Vector3(0, 1, 0).cross(from).normalize();
-    const up = from.clone().cross(right);
-    const high = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
-    const wide = high * this.camera.aspect;
-    const needed = centres.map((centre) => {
-      const aside = Math.max(Math.abs(centre.dot(right)) / wide, Math.abs(centre.dot(up)) / high);
-      return centre.dot(from) + 1.15 * aside;
-    });
-    return from.multiplyScalar(Math.min(Math.max(MIN_DISTANCE, ...needed), MAX_DISTANCE));
+    from.normalize().applyAxisAngle(new viewer.Vector3(0, 1, 0), BESIDE).setY(0.45);
+    return from.setLength(DISTANCE / Math.min(1, this.camera.aspect));
   }
 
   resize() {
