@@ -7,7 +7,7 @@ const FRUSTUM_DEPTH = 0.16;
 const FIELD_OF_VIEW_DEG = 35;
 /** Where the viewer starts: so far round from the cameras, radians, and so near, diagonals, that the object fills the view. */
 const BESIDE = 0.6;
-const DISTANCE = 1.9;
+const DISTANCE = 1.8;
 
 /** Opens the viewer, or says why it cannot; calls `picked` with the index of a camera that is clicked. */
 async function openScene(data, pictures, picked) {
@@ -173,13 +173,16 @@ class SceneView {
     this.draw();
   }
 
-  /** Beside the cameras and a little higher. */
+  /** Beside the cameras and a little higher, on the side from which more than one face of the object is seen. */
   startingPoint() {
     const centres = this.data.frames.map((frame) => new viewer.Vector3().setFromMatrixPosition(objectFromCamera(frame)));
     const from = centres.reduce((sum, centre) => sum.add(centre.normalize()), new viewer.Vector3()).setY(0);
     if (from.length() < 0.1) from.set(0, 0, -1);
-    from.normalize().applyAxisAngle(new viewer.Vector3(0, 1, 0), BESIDE).setY(0.45);
-    return from.setLength(DISTANCE / Math.min(1, this.camera.aspect));
+    from.normalize();
+    const up = new viewer.Vector3(0, 1, 0);
+    const sides = [BESIDE, -BESIDE].map((turn) => from.clone().applyAxisAngle(up, turn));
+    const [better] = sides.sort((a, b) => Math.abs(b.x * b.z) - Math.abs(a.x * a.z));
+    return better.setY(0.45).setLength(DISTANCE / Math.min(1, this.camera.aspect));
   }
 
   resize() {
