@@ -65,6 +65,15 @@ class Page:
         act()
         assert self.pixels(canvas)["sum"] != before, f"{what} changes nothing"
 
+    def centre(self, element):
+        box = self.page.locator(element).bounding_box()
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def zoom_out(self):
+        self.page.mouse.move(*self.centre("#scene"))
+        for _ in range(8):
+            self.page.mouse.wheel(0, 300)
+
     def switch(self, label):
         return self.page.locator("#switches label", has_text=label).locator("input")
 
@@ -85,6 +94,7 @@ def check(page):
     for key in ("plain", "normals"):
         page.changes(key, "scene", lambda: page.page.click(f"#colouring [data-key={key}]"))
     page.page.locator("#colouring button").first.click()
+    page.zoom_out()
     page.changes("hiding the cameras", "scene", lambda: page.switch("cameras").click())
     page.switch("cameras").click()
     if page.switch("input's points").count():
@@ -108,8 +118,7 @@ def check(page):
     page.page.click("#reset")
 
     def turn():
-        box = page.page.locator("#scene").bounding_box()
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        x, y = page.centre("#scene")
         page.page.mouse.move(x, y)
         page.page.mouse.down()
         page.page.mouse.move(x + 120, y + 20, steps=4)
