@@ -3,6 +3,7 @@
 use super::overlay;
 use super::{ReportError, Surface};
 use crate::files::write_whole;
+use crate::geometry;
 use crate::init::Estimate;
 use crate::prior::LearnedPrior;
 use crate::sequence::Sequence;
@@ -32,8 +33,8 @@ const TERMS: [(&str, ValueOf); 7] = [
 ];
 
 /// Writes `path` (`.rrd`) for the rerun viewer: the mesh and the cameras with their pictures after every call of the main solve and as they were
-/// found, and the objective by term over the iterations. Object frame, diagonals. The file has the clock's time in it, so that no two
-/// are equal.
+/// found, and the objective by term over the iterations. Object frame, diagonals. `sequence` has the cameras that were found. The file has the
+/// clock's time in it, so that no two are equal.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -62,7 +63,11 @@ fn record(
     surface: &Surface,
     stream: RecordingStream,
 ) -> Result<(), Error> {
-    let recorder = Recorder { sequence, stream };
+    let recorder = Recorder {
+        sequence,
+        focal_factor: solution.estimate.focal_factor,
+        stream,
+    };
     recorder.pictures()?;
     let trace: Vec<&TraceRow> = solution
         .trace
@@ -73,9 +78,10 @@ fn record(
         recorder.at(iteration);
         recorder.objective(row)?;
     }
-    // A call's last row comes before the first one of the next, and is the state after it.
+    // A call's last row comes before the first one of the next, and is the state after it. There are no steps of the free form's stage.
     let starts_call = |next: usize| trace.get(next).is_none_or(|row| row.iteration == 0);
-    let call_ends = (0..trace.len()).filter(|&row| starts_call(row + 1));
+    let has_step = |row: usize| !trace[row].stage.contains("free-form");
+    let call_ends = (0..trace.len()).filter(|&row| starts_call(row + 1) && has_step(row));
     for (step, row) in solution.steps.iter().zip(call_ends) {
         recorder.at(row);
         let (surface, estimate) = Surface::of_estimate(prior, &step.estimate);
@@ -87,6 +93,8 @@ fn record(
 
 struct Recorder<'a> {
     sequence: &'a Sequence,
+    /// By which the sequence's focal lengths are multiplied already.
+    focal_factor: f64,
     stream: RecordingStream,
 }
 
@@ -98,6 +106,16 @@ impl Recorder<'_> {
     fn camera(&self, index: usize) -> String {
         let name = rerun::EntityPathPart::new(self.sequence.frames[index].name.as_str());
         format!("object/cameras/{}", name.escaped_string())
+    }
+
+    /// Of an estimate, pixels, for a camera of the sequence.
+    fn intrinsics(&self, found: &geometry::Pinhole, estimate: &Estimate) -> geometry::Pinhole {
+        let factor = estimate.focal_factor / self.focal_factor;
+        geometry::Pinhole {
+            fx: factor * found.fx,
+            fy: factor * found.fy,
+            ..*found
+        }
     }
 
     /// What does not change: the axes, the terms' names and the frames' pictures.
@@ -127,7 +145,7 @@ impl Recorder<'_> {
     }
 
     fn state(&self, surface: &Surface, estimate: &Estimate) -> Result<(), Error> {
-        let single = |v: &crate::geometry::Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
+        let single = |v: &geometry::Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
         let (vertices, normals, faces) = match surface.mesh() {
             Some(mesh) => (&mesh.vertices[..], &mesh.normals[..], &mesh.faces[..]),
             None => (surface.points(), surface.normals(), surface.facets()),
@@ -141,7 +159,7 @@ impl Recorder<'_> {
             let columns = [0, 1, 2].map(|column| single(&pose.rotation.matrix().column(column).into()));
             let camera_from_object = Transform3D::from_translation_mat3x3(single(&pose.translation), columns)
                 .with_relation(TransformRelation::ChildFromParent);
-            let camera = estimate.camera(&frame.camera);
+            let camera = self.intrinsics(&frame.camera, estimate);
             let (width, height) = frame.image.size();
             let (fx, fy) = (camera.fx as f32, camera.fy as f32);
             let (cx, cy) = (camera.cx as f32, camera.cy as f32);
@@ -181,7 +199,7 @@ mod tests {
             evaluations: solution.evaluations,
             cpu_seconds: 0.0,
         };
-        solution.steps = vec![state.clone(), state];
+        solution.steps = vec![state; 3];
         let row = solution.trace[0].clone();
         let rows = [
             ("hypothesis-0/level-1", 0),
@@ -190,6 +208,8 @@ mod tests {
             ("level-0", 0),
             ("level-0", 1),
             ("free-form/level-0", 0),
+            ("again-level-0", 0),
+            ("again-free-form/level-0", 0),
         ];
         solution.trace = rows
             .map(|(stage, iteration)| TraceRow {
@@ -215,15 +235,36 @@ mod tests {
         }
         let camera = format!("/object/cameras/{}", sequence.frames[1].name);
         for (path, expected) in [
-            ("/objective", &[0, 1, 2, 3, 4][..]),
-            ("/object/mesh", &[1, 3, 5]),
+            ("/objective", &[0, 1, 2, 3, 4, 5, 6][..]),
+            ("/object/mesh", &[1, 3, 5, 7]),
             // The transform and the intrinsics.
-            (&camera, &[1, 1, 3, 3, 5, 5]),
+            (&camera, &[1, 1, 3, 3, 5, 5, 7, 7]),
         ] {
             let mut found = iterations.get(path).cloned().unwrap_or_default();
             found.sort_unstable();
             assert_eq!(found, expected, "{path} of {:?}", iterations.keys());
         }
+        Ok(())
+    }
+    #[test]
+    fn a_found_focal_length_counts_once() -> Result<(), Box<dyn std::error::Error>> {
+        let shape = Surface::from_points(fixture::box_car(500));
+        let (sequence, solution) = fixture::solved(&shape, 1);
+        let recorder = Recorder {
+            sequence: &sequence,
+            focal_factor: 1.25,
+            stream: RecordingStreamBuilder::new("test").memory()?.0,
+        };
+        let camera = sequence.frames[0].camera;
+        let of = |focal_factor| {
+            let estimate = Estimate {
+                focal_factor,
+                ..solution.estimate.clone()
+            };
+            recorder.intrinsics(&camera, &estimate)
+        };
+        assert_eq!(of(1.25), camera);
+        assert_eq!((of(1.0).fx, of(1.0).cx), (camera.fx / 1.25, camera.cx));
         Ok(())
     }
 }
