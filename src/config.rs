@@ -180,7 +180,7 @@ pub enum ConfigError {
 }
 
 /// Keys that TOML cannot express while they have no value: section, key, a value, what its absence means.
-const ABSENT: [(&str, &str, &str, &str); 4] = [
+const ABSENT: [(&str, &str, &str, &str); 5] = [
     ("input", "depth", "\"openmvs\"", "no openMVS depth"),
     ("input", "target", "0", "the middle one of the frames in use"),
     (
@@ -195,6 +195,7 @@ const ABSENT: [(&str, &str, &str, &str); 4] = [
         "0.1",
         "what the sequence says of itself, or 0 where it says nothing",
     ),
+    ("solver", "iterations_per_call", "5", "5 of LM, 20 of L-BFGS"),
 ];
 
 /// The end of every error about a key.

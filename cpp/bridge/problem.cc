@@ -287,7 +287,7 @@ Summary Problem::minimise(Variables& variables, const Visibility& visibility, co
                                    on_iteration, &memory_, &core);
   FromCore(core, &variables);
   return {static_cast<uint32_t>(outcome.iterations), static_cast<uint32_t>(outcome.counts.residual),
-          static_cast<uint32_t>(outcome.counts.jacobian), outcome.interrupted};
+          static_cast<uint32_t>(outcome.counts.jacobian), outcome.interrupted, outcome.trust_region_radius};
 }
 
 std::unique_ptr<Problem> new_problem(std::shared_ptr<Footage> footage, rust::Box<PriorCallback> prior,

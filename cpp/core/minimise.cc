@@ -112,6 +112,7 @@ class Reporter : public ceres::IterationCallback {
       best = coordinates_.values();
     }
     iterations = summary.iteration;
+    trust_region_radius = summary.trust_region_radius;
     const Variables variables = coordinates_.Current();
     interrupted = !observer_({summary.iteration, costs, variables, summary.gradient_norm, counts_});
     const bool settled =
@@ -125,6 +126,7 @@ class Reporter : public ceres::IterationCallback {
 
   std::vector<double> best;
   int iterations = -1;
+  double trust_region_radius = 0.0;
   bool interrupted = false;
   std::exception_ptr thrown;
 
@@ -219,7 +221,7 @@ Outcome Minimise(const Objective& objective, const Visibility& visibility, const
   // Ceres calls a line search without a next step a failure; the best state stands all the same.
   coordinates.SetValues(reporter.best);
   *variables = coordinates.Current();
-  return {reporter.iterations, counts, reporter.interrupted};
+  return {reporter.iterations, counts, reporter.interrupted, reporter.trust_region_radius};
 }
 
 }  // namespace spba

@@ -58,6 +58,8 @@ struct Outcome {
   Counts counts;
   // The observer asked for it.
   bool interrupted = false;
+  // After the last iteration; 0 of L-BFGS.
+  double trust_region_radius = 0.0;
 };
 
 // Moves `variables` to the best state found, whatever ended the call. Throws where the objective has no value

@@ -264,6 +264,8 @@ pub mod ffi {
         jacobian_evaluations: u32,
         /// The observer asked for it.
         interrupted: bool,
+        /// After the last iteration; 0 of L-BFGS.
+        trust_region_radius: f64,
     }
 
     extern "Rust" {

@@ -344,7 +344,7 @@ fn input_poses(frames: &[Frame], target: usize) -> Option<Vec<Pose>> {
 }
 
 /// At most `count` of 0..`total`: the target first, then others evenly spread.
-fn chosen(total: usize, target: usize, count: usize) -> Vec<usize> {
+pub(crate) fn chosen(total: usize, target: usize, count: usize) -> Vec<usize> {
     let target_first: Vec<usize> = std::iter::once(target)
         .chain((0..total).filter(|&frame| frame != target))
         .collect();

@@ -12,6 +12,7 @@ mod templates;
 mod testing;
 
 pub use hypotheses::{HypothesisOptions, PoseHypothesis};
+pub(crate) use initialise::chosen;
 pub use initialise::{InitError, InitOptions, Initialisation, initialise, initialise_at, initialise_while};
 pub use motion::cameras_from_input;
 pub use scale::scale_from_inverse_depth;

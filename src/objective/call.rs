@@ -5,7 +5,7 @@ use crate::bridge::ceres::ffi;
 use crate::solver::{Evaluation, Evaluations, Interpolation, LinearSolver, Minimiser, ObjectiveValue};
 
 /// The variables that a call moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Block {
     /// All variables: every pose and s, and the focal factor where it is free.
     All,
@@ -122,6 +122,8 @@ pub struct CallOutcome {
     pub evaluations: Evaluations,
     /// Whether the observer stopped the call.
     pub interrupted: bool,
+    /// The trust-region radius after the last iteration; 0 of L-BFGS.
+    pub trust_region_radius: f64,
 }
 
 impl Iteration {
@@ -148,6 +150,7 @@ impl From<ffi::Summary> for CallOutcome {
                 jacobian: summary.jacobian_evaluations as usize,
             },
             interrupted: summary.interrupted,
+            trust_region_radius: summary.trust_region_radius,
         }
     }
 }

@@ -72,6 +72,8 @@ pub struct Objective<'a> {
 /// Which points and pixels Eq. 4 and 6 compare, found at one estimate, and the pyramid level of their colours.
 pub struct Visibility {
     input: UniquePtr<ffi::Visibility>,
+    /// What points' distances outside the masks weigh.
+    silhouette_weights: Vec<f64>,
 }
 
 impl<'a> Objective<'a> {
@@ -134,9 +136,31 @@ impl<'a> Objective<'a> {
     /// # Errors
     /// The footage has no such pyramid level.
     pub fn visibility(&self, estimate: &Estimate, level: usize) -> Result<Visibility, ObjectiveError> {
-        let input = self.matcher.find(&self.sequence.frames, estimate, level);
+        self.visibility_of(self.matcher.find(&self.sequence.frames, estimate, level))
+    }
+
+    /// [`Objective::visibility`] after that of the step before, halfway to which the weights of points outside the masks stay. A point with a
+    /// large weight goes inside, where it has a small one and comes out again: without that, steps go to and fro between two shapes.
+    ///
+    /// # Errors
+    /// As [`Objective::visibility`].
+    pub fn next_visibility(
+        &self,
+        estimate: &Estimate,
+        level: usize,
+        last: &Visibility,
+    ) -> Result<Visibility, ObjectiveError> {
+        let mut input = self.matcher.find(&self.sequence.frames, estimate, level);
+        for (weight, last) in input.silhouette_weights.iter_mut().zip(&last.silhouette_weights) {
+            *weight = f64::midpoint(*weight, *last);
+        }
+        self.visibility_of(input)
+    }
+
+    fn visibility_of(&self, input: ffi::VisibilityInput) -> Result<Visibility, ObjectiveError> {
         Ok(Visibility {
             input: ffi::new_visibility(&self.problem, &input)?,
+            silhouette_weights: input.silhouette_weights,
         })
     }
 

@@ -72,6 +72,18 @@ impl Sequence {
         Self::new(content)
     }
 
+    /// The frames of these indices, in their order, without the truth.
+    pub(crate) fn of_frames(&self, indices: &[usize]) -> Self {
+        // What each of all frames passed, each of some passes.
+        Self(SequenceContent {
+            name: self.name.clone(),
+            frames: indices.iter().map(|&index| self.frames[index].clone()).collect(),
+            motion_deviation: self.motion_deviation,
+            focal_deviation: self.focal_deviation,
+            truth: None,
+        })
+    }
+
     /// The content, to be taken apart.
     pub fn into_content(self) -> SequenceContent {
         self.0

@@ -1,14 +1,15 @@
 //! Algorithm 1 from one start: solver calls alternate with the renewal of visibility and, on request, of α (Eq. 8).
 
 use super::{
-    Evaluations, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, StepState, Strategy, Termination,
-    TraceRow, scale_from_motion,
+    Evaluations, Minimiser, ObjectiveValue, Progress, ScaleUpdate, SolverOptions, StepState, Strategy,
+    Termination, TraceRow, scale_from_motion,
 };
 use crate::geometry::{Pose, Vector3};
 use crate::init::Estimate;
 use crate::objective::{Block, Call, Iteration, Objective, ObjectiveError, Visibility};
 use crate::sequence::Sequence;
 use cpu_time::{ProcessTime, ThreadTime};
+use std::collections::HashMap;
 
 /// What a step of Algorithm 1 moves, in order.
 fn blocks(strategy: Strategy) -> &'static [Block] {
@@ -53,9 +54,10 @@ pub(super) fn descend(
 ) -> Result<Descent, ObjectiveError> {
     let clock = CpuClock::start(options.threads);
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
+    let mut visibility = objective.visibility(start, 0)?;
     let mut descent = Descent {
         estimate: start.clone(),
-        start: objective.evaluate(start, &objective.visibility(start, 0)?)?,
+        start: objective.evaluate(start, &visibility)?,
         end: ObjectiveValue::default(),
         evaluations: Evaluations::default(),
         iterations: 0,
@@ -64,12 +66,13 @@ pub(super) fn descend(
         trace: Vec::new(),
         cpu_seconds: 0.0,
     };
+    let mut minimisers = Minimisers::new(options.minimiser);
     'levels: for &level in route.levels {
         descent.termination = Termination::StepLimit;
         let mut stall = StallDetector::new(options.tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
-            let visibility = objective.visibility(&descent.estimate, level)?;
+            visibility = objective.next_visibility(&descent.estimate, level, &visibility)?;
             let before = objective.evaluate(&descent.estimate, &visibility)?.total;
             if !placing && !stall.progresses(before) {
                 descent.termination = Termination::Converged;
@@ -86,7 +89,7 @@ pub(super) fn descend(
                     objective,
                     &visibility,
                     block,
-                    options,
+                    (options, &mut minimisers),
                     &mut |iteration, so_far| {
                         let seconds = progress.seconds();
                         progress.report(row(&stage, step, block, iteration, so_far, seconds))
@@ -114,7 +117,8 @@ pub(super) fn descend(
                 descent.termination = Termination::BelowThreshold;
                 break;
             }
-            if !placing && before - after <= options.tolerance * before {
+            // Where no step was taken at all, the next call tries smaller ones.
+            if !placing && after < before && before - after <= options.tolerance * before {
                 descent.termination = Termination::Converged;
                 break;
             }
@@ -157,24 +161,64 @@ impl Descent {
         objective: &mut Objective,
         visibility: &Visibility,
         block: Block,
-        options: &SolverOptions,
+        (options, minimisers): (&SolverOptions, &mut Minimisers),
         observer: &mut dyn FnMut(&Iteration, Evaluations) -> bool,
     ) -> Result<bool, ObjectiveError> {
         let call = Call {
             block,
             free_alpha: options.scale_update == ScaleUpdate::Variable,
-            minimiser: options.minimiser,
+            minimiser: minimisers.of(block),
             evaluation: options.evaluation,
-            max_iterations: options.iterations_per_call,
+            max_iterations: options.iterations_per_call(),
             tolerance: options.tolerance / 10.0,
         };
         let so_far = self.evaluations;
         let outcome = objective.minimise(&mut self.estimate, visibility, &call, &mut |iteration| {
             observer(iteration, so_far)
         })?;
+        minimisers.ended(block, outcome.trust_region_radius);
         self.evaluations = so_far.plus(outcome.evaluations);
         self.iterations += outcome.iterations;
         Ok(outcome.interrupted)
+    }
+}
+
+/// The minimiser of each block's next call: its trust region is as large as the last call left it, but no larger than at first. A call of few
+/// iterations that all begin too large would take no step, and no call after it either.
+struct Minimisers {
+    first: Minimiser,
+    radii: HashMap<Block, f64>,
+}
+
+impl Minimisers {
+    /// Share of the first radius below which a call left no step to take: the next one, which sees a new visibility, begins there.
+    const LEAST_RADIUS: f64 = 1e-6;
+
+    fn new(first: Minimiser) -> Self {
+        Self {
+            first,
+            radii: HashMap::new(),
+        }
+    }
+
+    fn of(&self, block: Block) -> Minimiser {
+        match (self.first, self.radii.get(&block)) {
+            (
+                Minimiser::Lm {
+                    initial_trust_region_radius: first,
+                    linear_solver,
+                },
+                Some(&last),
+            ) => Minimiser::Lm {
+                initial_trust_region_radius: last.clamp(Self::LEAST_RADIUS * first, first),
+                linear_solver,
+            },
+            (first, _) => first,
+        }
+    }
+
+    fn ended(&mut self, block: Block, radius: f64) {
+        self.radii.insert(block, radius);
     }
 }
 

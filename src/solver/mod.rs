@@ -28,10 +28,8 @@ use progress::Progress;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Steps of the free form's stage and Ceres iterations of each, at most: on the bundled sequence, the first ten iterations bring 93 % of what 65
-/// do.
-const FREE_STEPS: usize = 2;
-const FREE_ITERATIONS: u32 = 10;
+/// Steps of the free form's stage, at most.
+const FREE_STEPS: usize = 4;
 
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
@@ -206,7 +204,6 @@ fn free(
     };
     let options = SolverOptions {
         max_steps: options.max_steps.min(FREE_STEPS),
-        iterations_per_call: options.iterations_per_call.min(FREE_ITERATIONS),
         ..options.clone()
     };
     let descent = descend(

@@ -47,6 +47,15 @@ impl Minimiser {
         }
     }
 
+    /// How many iterations of one call are worth their time where nobody says: few of LM, as the next call sees a new visibility, more of
+    /// L-BFGS, which forgets in each call what it has learned of the curvature.
+    pub fn iterations_per_call(self) -> u32 {
+        match self {
+            Self::Lm { .. } => 5,
+            Self::Lbfgs { .. } => 20,
+        }
+    }
+
     /// Whether its linear solver is a Schur complement over all poses but the target's.
     pub(crate) fn eliminates_poses(self) -> bool {
         use LinearSolver::{DenseSchur, IterativeSchur, SparseSchur};
@@ -149,8 +158,8 @@ pub struct SolverOptions {
     pub scale_update: ScaleUpdate,
     /// Steps of Algorithm 1 per pyramid level; visibility is renewed before each.
     pub max_steps: usize,
-    /// The maximum number of Ceres iterations per call.
-    pub iterations_per_call: u32,
+    /// The maximum number of Ceres iterations per call. `None`: as many as [`Minimiser::iterations_per_call`] says.
+    pub iterations_per_call: Option<u32>,
     /// δ_L: the solve stops once the objective is below.
     pub threshold: f64,
     /// A step that lowers the objective by less than this share of it is no progress.
@@ -178,7 +187,7 @@ impl Default for SolverOptions {
             motion_start: MotionStart::Given,
             scale_update: ScaleUpdate::Variable,
             max_steps: 20,
-            iterations_per_call: 20,
+            iterations_per_call: None,
             threshold: 0.0,
             tolerance: 1e-3,
             levels: 3,
@@ -189,6 +198,12 @@ impl Default for SolverOptions {
 }
 
 impl SolverOptions {
+    /// The maximum number of Ceres iterations per call.
+    pub fn iterations_per_call(&self) -> u32 {
+        self.iterations_per_call
+            .unwrap_or_else(|| self.minimiser.iterations_per_call())
+    }
+
     /// The name of the first option that cannot be used, and why.
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
         match self.minimiser {
@@ -215,7 +230,7 @@ impl SolverOptions {
         if self.max_steps == 0 {
             return Err(("max_steps", "must be 1 or more"));
         }
-        if self.iterations_per_call == 0 {
+        if self.iterations_per_call == Some(0) {
             return Err(("iterations_per_call", "must be 1 or more"));
         }
         if !(1..=8).contains(&self.levels) {

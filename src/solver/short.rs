@@ -3,7 +3,8 @@
 use super::descent::{Route, descend};
 use super::progress::{Observer, Progress};
 use super::{Evaluation, SolveError, SolverOptions, TraceRow};
-use crate::init::Estimate;
+use crate::geometry::Pose;
+use crate::init::{Estimate, chosen};
 use crate::objective::{Footage, Objective, ObjectiveOptions};
 use crate::prior::ShapePrior;
 use rayon::prelude::*;
@@ -13,12 +14,14 @@ use std::time::Instant;
 
 /// A hypothesis is judged with this many of the prior's points.
 const HYPOTHESIS_POINTS: usize = 2048;
+/// It is judged on this many of the frames; the others follow.
+const HYPOTHESIS_FRAMES: usize = 12;
 /// So many steps of a short solve move the pose alone.
 const PLACING_STEPS: usize = 3;
 /// Steps of a short solve that move all variables, round by round.
 const SHORT_SOLVE_STEPS: [usize; 3] = [1, 1, 3];
 /// Ceres iterations of each of them.
-const SHORT_SOLVE_ITERATIONS: u32 = 10;
+const SHORT_SOLVE_ITERATIONS: u32 = 5;
 /// [`SolverOptions::tolerance`] of a short solve.
 const SHORT_SOLVE_TOLERANCE: f64 = 3e-3;
 
@@ -41,7 +44,8 @@ pub struct ShortSolves {
 
 /// A short solve from every start, at the coarsest pyramid level of `footage`, all variables at once by Levenberg–Marquardt;
 /// the lowest objective wins. The objective is `objective_options`', made cautious for starts that may be far off. After each
-/// round the worse half of the starts is given up.
+/// round the worse half of the starts is given up. Of many frames some are looked at, evenly spread and the target among them; each of the
+/// others keeps its motion against the nearest of those.
 ///
 /// They run side by side on rayon's threads, each in itself on one thread, so that the result does not depend on how
 /// many there are.
@@ -58,6 +62,75 @@ pub fn short_solves(
     observer: &Observer,
 ) -> Result<ShortSolves, SolveError> {
     let began = Instant::now();
+    let over = |footage: &Footage, target, starts: &[Estimate]| {
+        rounds(
+            footage,
+            prior,
+            target,
+            starts,
+            objective_options,
+            evaluation,
+            observer,
+        )
+    };
+    let count = footage.sequence().frames.len();
+    let fits = target < count && starts.iter().all(|start| start.frame_count() == count);
+    // What does not fit is the objective's to refuse.
+    let mut short = if !fits || count <= HYPOTHESIS_FRAMES {
+        over(footage, target, starts)?
+    } else {
+        let mut frames = chosen(count, target, HYPOTHESIS_FRAMES);
+        frames.sort_unstable();
+        let sequence = footage.sequence().of_frames(&frames);
+        let of_frames = |start: &Estimate| Estimate {
+            camera_from_object: frames.iter().map(|&l| start.camera_from_object[l]).collect(),
+            ..start.clone()
+        };
+        let starts_there: Vec<_> = starts.iter().map(of_frames).collect();
+        let target_there = frames.iter().position(|&l| l == target).unwrap_or(0);
+        let short = over(
+            &Footage::new(&sequence, footage.levels())?,
+            target_there,
+            &starts_there,
+        )?;
+        ShortSolves {
+            estimate: followed(&starts[short.chosen], short.estimate, &frames),
+            ..short
+        }
+    };
+    let seconds = began.elapsed().as_secs_f64();
+    short.seconds.insert(0, ("hypotheses".to_owned(), seconds));
+    Ok(short)
+}
+
+/// `found` of some frames, with all those of `start`: each has its motion there against the nearest of `frames`.
+fn followed(start: &Estimate, found: Estimate, frames: &[usize]) -> Estimate {
+    let motion_scale = found.alpha / start.alpha;
+    let of_frame = |l: usize| {
+        let nearest = (0..frames.len()).min_by_key(|&k| frames[k].abs_diff(l))?;
+        let motion = start.camera_from_object[l].after(&start.camera_from_object[frames[nearest]].inverse());
+        let motion = Pose {
+            translation: motion_scale * motion.translation,
+            ..motion
+        };
+        Some(motion.after(&found.camera_from_object[nearest]))
+    };
+    Estimate {
+        camera_from_object: (0..start.frame_count()).filter_map(of_frame).collect(),
+        ..found
+    }
+}
+
+/// [`short_solves`] over all frames of `footage`, without their time on the clock.
+fn rounds(
+    footage: &Footage,
+    prior: &Arc<dyn ShapePrior>,
+    target: usize,
+    starts: &[Estimate],
+    objective_options: &ObjectiveOptions,
+    evaluation: Evaluation,
+    observer: &Observer,
+) -> Result<ShortSolves, SolveError> {
     let cautious = objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count());
     let mut trials: Vec<Trial> = starts
         .iter()
@@ -81,7 +154,7 @@ pub fn short_solves(
         let options = SolverOptions {
             evaluation,
             max_steps: steps,
-            iterations_per_call: SHORT_SOLVE_ITERATIONS,
+            iterations_per_call: Some(SHORT_SOLVE_ITERATIONS),
             tolerance: SHORT_SOLVE_TOLERANCE,
             ..SolverOptions::default()
         };
@@ -113,13 +186,10 @@ pub fn short_solves(
         chosen,
         interrupted: stopped.into_inner(),
         objectives: trials.iter().map(|trial| trial.objectives).collect(),
-        seconds: vec![
-            ("hypotheses".to_owned(), began.elapsed().as_secs_f64()),
-            (
-                "hypotheses_cpu".to_owned(),
-                trials.iter().map(|trial| trial.cpu_seconds).sum(),
-            ),
-        ],
+        seconds: vec![(
+            "hypotheses_cpu".to_owned(),
+            trials.iter().map(|trial| trial.cpu_seconds).sum(),
+        )],
         trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
     })
 }
@@ -168,5 +238,53 @@ impl Trial {
         self.trace.extend(descent.trace);
         self.cpu_seconds += descent.cpu_seconds;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Rotation3, Vector3};
+
+    #[test]
+    fn frames_that_were_not_looked_at_keep_their_motion() {
+        let pose = |l: f64| Pose {
+            rotation: Rotation3::from_scaled_axis(Vector3::new(0.1, 0.3 * l, -0.05 * l)),
+            translation: Vector3::new(0.1 * l, -0.2, 1.5 + 0.1 * l),
+        };
+        let start = Estimate {
+            camera_from_object: (0..6).map(|l| pose(f64::from(l))).collect(),
+            style: vec![0.0],
+            alpha: 0.5,
+            focal_factor: 1.0,
+        };
+        // Another object frame, of which all is twice as large.
+        let object_from_found = Pose {
+            rotation: Rotation3::from_scaled_axis(Vector3::new(-0.2, 0.1, 0.4)),
+            translation: Vector3::new(0.05, 0.02, -0.1),
+        };
+        let moved = |l: usize| {
+            let pose = start.camera_from_object[l].after(&object_from_found);
+            Pose {
+                translation: 2.0 * pose.translation,
+                ..pose
+            }
+        };
+        let found = Estimate {
+            camera_from_object: vec![moved(1), moved(4)],
+            style: vec![0.7],
+            alpha: 1.0,
+            focal_factor: 1.1,
+        };
+        let all = followed(&start, found, &[1, 4]);
+        for (l, pose) in all.camera_from_object.iter().enumerate() {
+            let expected = moved(l);
+            assert!(
+                (pose.rotation.matrix() - expected.rotation.matrix()).norm() < 1e-12,
+                "{l}"
+            );
+            assert!((pose.translation - expected.translation).norm() < 1e-12, "{l}");
+        }
+        assert_eq!((all.style, all.alpha, all.focal_factor), (vec![0.7], 1.0, 1.1));
     }
 }

@@ -72,7 +72,7 @@ impl Method {
             objective.silhouette_pixels = 500;
             objective.silhouette_points = 500;
             solver.max_steps = 2;
-            solver.iterations_per_call = 5;
+            solver.iterations_per_call = Some(5);
         }
         self
     }

@@ -77,6 +77,31 @@ fn the_silhouette_term_is_that_of(tolerance: f64, agreement: f64) {
     );
 }
 
+#[test]
+fn points_outside_are_weighed_halfway_to_the_step_before() {
+    let options = ObjectiveOptions {
+        silhouette_size: 0.0,
+        silhouette_agreement: 7.0,
+        ..only(|o| o.silhouette_weight = 0.1)
+    };
+    let sequence = sequence(3);
+    let footage = Footage::new(&sequence, 1).unwrap();
+    let Setting {
+        mut objective,
+        mut at,
+        visibility: before,
+    } = setting(&footage, &options, &estimate(3));
+    for pose in &mut at.camera_from_object {
+        pose.translation.x += 0.1;
+    }
+    let now = objective.visibility(&at, 0).unwrap();
+    let next = objective.next_visibility(&at, 0, &before).unwrap();
+    let [before, now, next] =
+        [before, now, next].map(|visibility| objective.evaluate(&at, &visibility).unwrap().silhouette);
+    assert!((before - now).abs() > 0.01 * now, "{before} {now}");
+    assert!((next - f64::midpoint(before, now)).abs() < 1e-9 * now, "{next}");
+}
+
 /// Eq. 6 by hand: d' is linear in the column, so its first order is d' itself wherever a point projects.
 #[test]
 fn the_inverse_depth_term_is_eq_6() {
