@@ -59,6 +59,10 @@ struct Texel {
     face: u32,
     /// The barycentric weights of the face's corners.
     weights: [f32; 3],
+    /// In the object frame.
+    point: Vector3<f32>,
+    /// The surface's, of unit length.
+    normal: Vector3<f32>,
 }
 
 /// Sums over frames, texel by texel.
@@ -73,7 +77,12 @@ impl<'a> TextureGatherer<'a> {
     pub(super) fn new(mesh: &'a UnwrappedMesh) -> Self {
         let mut texels = Grid::filled(SIZE, SIZE, None);
         for (face, corners) in (0u32..).zip(&mesh.texture_coordinates) {
-            draw(&mut texels, face, corners);
+            draw(&mut texels, corners, |weights| Texel {
+                face,
+                weights,
+                point: mesh.at(face, weights, &mesh.vertices).cast(),
+                normal: mesh.at(face, weights, &mesh.normals).normalize().cast(),
+            });
         }
         Self {
             mesh,
@@ -84,16 +93,14 @@ impl<'a> TextureGatherer<'a> {
 
     /// Adds what a frame shows. `view` is the mesh as its camera sees it; depths may differ by `tolerance`, object units.
     pub(super) fn add(&mut self, frame: &Frame, camera_from_object: &Pose, view: &ZBuffer, tolerance: f64) {
-        let mesh = self.mesh;
         let texels = self.texels.data();
         self.sums
             .par_iter_mut()
             .zip(texels)
             .for_each(|((sum, total), texel)| {
                 let Some(texel) = texel else { return };
-                let at = |vectors: &[Vector3<f64>]| mesh.at(texel.face, texel.weights, vectors);
-                let in_camera = camera_from_object.transform(&at(&mesh.vertices));
-                let normal = (camera_from_object.rotation * at(&mesh.normals)).normalize();
+                let in_camera = camera_from_object.transform(&texel.point.cast());
+                let normal = camera_from_object.rotation * texel.normal.cast::<f64>();
                 let distance = in_camera.norm();
                 let cosine = -normal.dot(&in_camera) / distance;
                 if cosine < MIN_COSINE {
@@ -199,8 +206,8 @@ impl<'a> TextureGatherer<'a> {
     }
 }
 
-/// Every texel whose centre lies in the face, by its corners' texture coordinates.
-fn draw(texels: &mut Grid<Option<Texel>>, face: u32, corners: &[[f32; 2]; 3]) {
+/// Every texel whose centre lies in the face with these texture coordinates, by its barycentric weights.
+fn draw(texels: &mut Grid<Option<Texel>>, corners: &[[f32; 2]; 3], texel: impl Fn([f32; 3]) -> Texel) {
     let size = SIZE as f64;
     let [a, b, c] = corners.map(|[u, v]| [f64::from(u) * size, (1.0 - f64::from(v)) * size]);
     let cross = |a: [f64; 2], b: [f64; 2], at: [f64; 2]| {
@@ -220,10 +227,7 @@ fn draw(texels: &mut Grid<Option<Texel>>, face: u32, corners: &[[f32; 2]; 3]) {
             let at = [column as f64 + 0.5, row as f64 + 0.5];
             let weights = [cross(b, c, at), cross(c, a, at), cross(a, b, at)].map(|part| part / area);
             if weights.iter().all(|&weight| weight >= 0.0) {
-                texels[(column, row)] = Some(Texel {
-                    face,
-                    weights: weights.map(|weight| weight as f32),
-                });
+                texels[(column, row)] = Some(texel(weights.map(|weight| weight as f32)));
             }
         }
     }

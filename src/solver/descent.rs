@@ -11,6 +11,9 @@ use crate::sequence::Sequence;
 use cpu_time::{ProcessTime, ThreadTime};
 use std::collections::HashMap;
 
+/// Levels before the last end at so many times [`SolverOptions::tolerance`]: the next level goes on from there.
+const COARSE_TOLERANCE: f64 = 10.0;
+
 /// What a step of Algorithm 1 moves, in order.
 fn blocks(strategy: Strategy) -> &'static [Block] {
     match strategy {
@@ -67,17 +70,20 @@ pub(super) fn descend(
         cpu_seconds: 0.0,
     };
     let mut minimisers = Minimisers::new(options.minimiser);
-    'levels: for &level in route.levels {
+    'levels: for (place, &level) in route.levels.iter().enumerate() {
         descent.termination = Termination::StepLimit;
-        let mut stall = StallDetector::new(options.tolerance);
+        let tolerance = if place + 1 < route.levels.len() {
+            COARSE_TOLERANCE * options.tolerance
+        } else {
+            options.tolerance
+        };
+        let mut stall = StallDetector::new(tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
             visibility = objective.next_visibility(&descent.estimate, level, &visibility)?;
-            let before = objective.evaluate(&descent.estimate, &visibility)?.total;
-            if !placing && !stall.progresses(before) {
-                descent.termination = Termination::Converged;
-                break;
-            }
+            // As the calls themselves see it: at the step's start, and at its end.
+            let (mut before, mut after) = (None, f64::INFINITY);
+            let mut is_stalled = false;
             let moved = if placing {
                 &[Block::Target]
             } else {
@@ -91,10 +97,24 @@ pub(super) fn descend(
                     block,
                     (options, &mut minimisers),
                     &mut |iteration, so_far| {
+                        let total = iteration.objective.total;
+                        let is_start = iteration.number == 0;
+                        after = if is_start { total } else { after.min(total) };
+                        if before.is_none() {
+                            before = Some(total);
+                            is_stalled = !placing && !stall.progresses(total);
+                            if is_stalled {
+                                return false;
+                            }
+                        }
                         let seconds = progress.seconds();
                         progress.report(row(&stage, step, block, iteration, so_far, seconds))
                     },
                 )?;
+                if is_stalled {
+                    descent.termination = Termination::Converged;
+                    continue 'levels;
+                }
                 descent.steps.push(StepState {
                     level,
                     estimate: descent.estimate.clone(),
@@ -107,7 +127,6 @@ pub(super) fn descend(
                     break 'levels;
                 }
             }
-            let after = objective.evaluate(&descent.estimate, &visibility)?.total;
             if options.scale_update == ScaleUpdate::Regression {
                 let mean = mean_point(&objective.points(&descent.estimate));
                 let alpha = scale_from_motion(&descent.estimate, target, &camera_from_input, &mean);
@@ -117,8 +136,9 @@ pub(super) fn descend(
                 descent.termination = Termination::BelowThreshold;
                 break;
             }
+            let won = before.map_or(0.0, |before| (before - after) / before);
             // Where no step was taken at all, the next call tries smaller ones.
-            if !placing && after < before && before - after <= options.tolerance * before {
+            if !placing && won > 0.0 && won <= tolerance {
                 descent.termination = Termination::Converged;
                 break;
             }
@@ -284,6 +304,34 @@ fn mean_point(points: &[f64]) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn radius(minimiser: Minimiser) -> f64 {
+        match minimiser {
+            Minimiser::Lm {
+                initial_trust_region_radius,
+                ..
+            } => initial_trust_region_radius,
+            Minimiser::Lbfgs { .. } => panic!("a line search has no trust region"),
+        }
+    }
+
+    #[test]
+    fn a_blocks_trust_region_goes_on_within_bounds() {
+        let first = radius(Minimiser::default());
+        let mut minimisers = Minimisers::new(Minimiser::default());
+        assert_eq!(radius(minimisers.of(Block::All)), first);
+        minimisers.ended(Block::All, first / 50.0);
+        assert_eq!(radius(minimisers.of(Block::All)), first / 50.0);
+        assert_eq!(radius(minimisers.of(Block::Target)), first, "another block's");
+        minimisers.ended(Block::All, 0.0);
+        assert_eq!(
+            radius(minimisers.of(Block::All)),
+            Minimisers::LEAST_RADIUS * first,
+            "some step is left to take"
+        );
+        minimisers.ended(Block::All, 9.0 * first);
+        assert_eq!(radius(minimisers.of(Block::All)), first);
+    }
 
     #[test]
     fn two_steps_without_a_new_lowest_objective_are_enough() {

@@ -162,7 +162,7 @@ pub struct SolverOptions {
     pub iterations_per_call: Option<u32>,
     /// δ_L: the solve stops once the objective is below.
     pub threshold: f64,
-    /// A step that lowers the objective by less than this share of it is no progress.
+    /// A step that lowers the objective by less than this share of it is no progress. Levels before the last end at ten times this.
     pub tolerance: f64,
     /// Pyramid levels, each half the size of the one before. 1 is no pyramid; the paper mentions none.
     pub levels: usize,
