@@ -1,5 +1,6 @@
 //! The objective against numeric differences of itself and against itself under other options.
 
+mod correspondences;
 mod deviations;
 mod minimise;
 mod terms;

@@ -317,8 +317,8 @@ mod tests {
 
     #[test]
     fn a_blocks_trust_region_goes_on_within_bounds() {
-        let first = radius(Minimiser::default());
-        let mut minimisers = Minimisers::new(Minimiser::default());
+        let first = radius(SolverOptions::default().minimiser);
+        let mut minimisers = Minimisers::new(SolverOptions::default().minimiser);
         assert_eq!(radius(minimisers.of(Block::All)), first);
         minimisers.ended(Block::All, first / 50.0);
         assert_eq!(radius(minimisers.of(Block::All)), first / 50.0);
