@@ -1,8 +1,8 @@
 // An object's terms in a ceres::Problem of one's own: own_problem FRAMES PRIOR.safetensors START.txt
 // FRAMES is a folder as frames.h reads it. START.txt: scale, qw qx qy qz and tx ty tz of world_from_object
-// (x_world = scale R x_object + t). Refines where and how large the object is and its style, then the cameras
-// as well; prints camera_from_object of each frame (quaternion, translation in object diagonals) and the
-// style.
+// (x_world = scale R x_object + t). Refines where and how large the object is, then the cameras, and its
+// style all along; prints camera_from_object of each frame (quaternion, translation in object diagonals) and
+// the style.
 #include <ceres/ceres.h>
 
 #include <cstdio>
@@ -19,6 +19,7 @@ using Layout = spba::functors::QuaternionXyzwTranslationInOne;  // as COLMAP 4 h
 using Blocks = spba::functors::ObjectBlocks<Layout>;
 
 constexpr int kThreads = 2;
+constexpr int kSteps = 12;
 // Fewer points and pixels than the solver's own: the residuals are blocks of their own here.
 constexpr char kOptions[] =
     "[objective]\npoints = 2048\nsilhouette_points = 1024\nsilhouette_pixels = 1000\n"
@@ -145,11 +146,12 @@ void Run(const std::string& folder, const std::string& prior_path, const std::st
   spba::Correspondences correspondences(sequence, prior, options,
                                         spba::functors::EstimateOf(state.blocks(), styles));
   const auto shape = spba::functors::LinearShape::Of(prior, correspondences.weights().point_count);
-  for (const bool free_cameras : {false, true}) {
-    for (int step = 0; step < 6; ++step) {
-      const double cost = Step(shown, shape, free_cameras, &correspondences, &state);
-      std::cerr << (free_cameras ? "cameras" : "object") << " step " << step << ": cost " << cost << "\n";
-    }
+  for (int step = 0; step < kSteps; ++step) {
+    // One step brings the object to where the cameras look. In more of them its shape would bend to what is
+    // wrong with the cameras.
+    const bool free_cameras = step > 0;
+    const double cost = Step(shown, shape, free_cameras, &correspondences, &state);
+    std::cerr << "step " << step << (free_cameras ? ", cameras" : ", object") << ": cost " << cost << "\n";
   }
   spba::Estimate found = spba::functors::EstimateOf(state.blocks(), styles);
   if (const auto canonical_from_shape = prior.CanonicalFromShape(state.style)) {

@@ -62,22 +62,17 @@ pub fn short_solves(
     observer: &Observer,
 ) -> Result<ShortSolves, SolveError> {
     let began = Instant::now();
-    let over = |footage: &Footage, target, starts: &[Estimate]| {
-        rounds(
-            footage,
-            prior,
-            target,
-            starts,
-            objective_options,
-            evaluation,
-            observer,
-        )
+    let contest = Contest {
+        prior,
+        objective_options: &objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count()),
+        evaluation,
+        observer,
     };
     let count = footage.sequence().frames.len();
     let fits = target < count && starts.iter().all(|start| start.frame_count() == count);
     // What does not fit is the objective's to refuse.
     let mut short = if !fits || count <= HYPOTHESIS_FRAMES {
-        over(footage, target, starts)?
+        contest.between(starts, footage, target)?
     } else {
         let mut frames = chosen(count, target, HYPOTHESIS_FRAMES);
         frames.sort_unstable();
@@ -88,11 +83,8 @@ pub fn short_solves(
         };
         let starts_there: Vec<_> = starts.iter().map(of_frames).collect();
         let target_there = frames.iter().position(|&l| l == target).unwrap_or(0);
-        let short = over(
-            &Footage::new(&sequence, footage.levels())?,
-            target_there,
-            &starts_there,
-        )?;
+        let footage = Footage::new(&sequence, footage.levels())?;
+        let short = contest.between(&starts_there, &footage, target_there)?;
         ShortSolves {
             estimate: followed(&starts[short.chosen], short.estimate, &frames),
             ..short
@@ -121,77 +113,90 @@ fn followed(start: &Estimate, found: Estimate, frames: &[usize]) -> Estimate {
     }
 }
 
-/// [`short_solves`] over all frames of `footage`, without their time on the clock.
-fn rounds(
-    footage: &Footage,
-    prior: &Arc<dyn ShapePrior>,
-    target: usize,
-    starts: &[Estimate],
-    objective_options: &ObjectiveOptions,
+/// What all starts have in common.
+struct Contest<'a> {
+    prior: &'a Arc<dyn ShapePrior>,
+    objective_options: &'a ObjectiveOptions,
     evaluation: Evaluation,
-    observer: &Observer,
-) -> Result<ShortSolves, SolveError> {
-    let cautious = objective_options.cautious(HYPOTHESIS_POINTS, prior.point_count());
-    let mut trials: Vec<Trial> = starts
-        .iter()
-        .enumerate()
-        .map(|(index, start)| Trial {
-            index,
-            estimate: start.clone(),
-            objectives: (f64::INFINITY, f64::INFINITY),
-            trace: Vec::new(),
-            cpu_seconds: 0.0,
-        })
-        .collect();
-    let mut given_up = Vec::new();
-    let stopped = AtomicBool::new(false);
-    let observer = |row: &TraceRow| {
-        let goes_on = observer(row);
-        stopped.fetch_or(!goes_on, Ordering::Relaxed);
-        goes_on
-    };
-    for (round, &steps) in SHORT_SOLVE_STEPS.iter().enumerate() {
-        let options = SolverOptions {
-            evaluation,
-            max_steps: steps,
-            iterations_per_call: Some(SHORT_SOLVE_ITERATIONS),
-            tolerance: SHORT_SOLVE_TOLERANCE,
-            ..SolverOptions::default()
+    observer: &'a Observer<'a>,
+}
+
+impl Contest<'_> {
+    /// [`short_solves`] over all frames of `footage`, without their time on the clock.
+    fn between(
+        &self,
+        starts: &[Estimate],
+        footage: &Footage,
+        target: usize,
+    ) -> Result<ShortSolves, SolveError> {
+        let mut trials: Vec<Trial> = starts
+            .iter()
+            .enumerate()
+            .map(|(index, start)| Trial {
+                index,
+                estimate: start.clone(),
+                objectives: (f64::INFINITY, f64::INFINITY),
+                trace: Vec::new(),
+                cpu_seconds: 0.0,
+            })
+            .collect();
+        let mut given_up = Vec::new();
+        let stopped = AtomicBool::new(false);
+        let observer = |row: &TraceRow| {
+            let goes_on = (self.observer)(row);
+            stopped.fetch_or(!goes_on, Ordering::Relaxed);
+            goes_on
         };
-        trials.par_iter_mut().try_for_each(|trial| {
-            if stopped.load(Ordering::Relaxed) {
-                return Ok(());
+        for (round, &steps) in SHORT_SOLVE_STEPS.iter().enumerate() {
+            let options = SolverOptions {
+                evaluation: self.evaluation,
+                max_steps: steps,
+                iterations_per_call: Some(SHORT_SOLVE_ITERATIONS),
+                tolerance: SHORT_SOLVE_TOLERANCE,
+                ..SolverOptions::default()
+            };
+            trials.par_iter_mut().try_for_each(|trial| {
+                if stopped.load(Ordering::Relaxed) {
+                    return Ok(());
+                }
+                let start = &starts[trial.index];
+                let mut objective = Objective::new(
+                    footage,
+                    self.prior.clone(),
+                    self.objective_options,
+                    target,
+                    start,
+                    1,
+                )?;
+                trial.go_on(&mut objective, footage, target, round, &options, &observer)
+            })?;
+            tracing::debug!("round {round}: {} starts solved", trials.len());
+            // Stable, so that ties keep the order of the starts.
+            trials.sort_by(|a, b| a.objectives.1.total_cmp(&b.objectives.1));
+            let kept = trials.len().div_ceil(2);
+            if round + 1 < SHORT_SOLVE_STEPS.len() {
+                given_up.extend(trials.drain(kept..));
             }
-            let start = &starts[trial.index];
-            let mut objective = Objective::new(footage, prior.clone(), &cautious, target, start, 1)?;
-            trial.go_on(&mut objective, footage, target, round, &options, &observer)
-        })?;
-        tracing::debug!("round {round}: {} starts solved", trials.len());
-        // Stable, so that ties keep the order of the starts.
-        trials.sort_by(|a, b| a.objectives.1.total_cmp(&b.objectives.1));
-        let kept = trials.len().div_ceil(2);
-        if round + 1 < SHORT_SOLVE_STEPS.len() {
-            given_up.extend(trials.drain(kept..));
+            if stopped.load(Ordering::Relaxed) {
+                break;
+            }
         }
-        if stopped.load(Ordering::Relaxed) {
-            break;
-        }
+        let best = trials.first().ok_or(SolveError::NoStart)?;
+        let (estimate, chosen) = (best.estimate.clone(), best.index);
+        trials.extend(given_up);
+        trials.sort_by_key(|trial| trial.index);
+        Ok(ShortSolves {
+            estimate,
+            chosen,
+            interrupted: stopped.into_inner(),
+            objectives: trials.iter().map(|trial| trial.objectives).collect(),
+            seconds: vec![(
+                "hypotheses_cpu".to_owned(),
+                trials.iter().map(|trial| trial.cpu_seconds).sum(),
+            )],
+            trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
+        })
     }
-    let best = trials.first().ok_or(SolveError::NoStart)?;
-    let (estimate, chosen) = (best.estimate.clone(), best.index);
-    trials.extend(given_up);
-    trials.sort_by_key(|trial| trial.index);
-    Ok(ShortSolves {
-        estimate,
-        chosen,
-        interrupted: stopped.into_inner(),
-        objectives: trials.iter().map(|trial| trial.objectives).collect(),
-        seconds: vec![(
-            "hypotheses_cpu".to_owned(),
-            trials.iter().map(|trial| trial.cpu_seconds).sum(),
-        )],
-        trace: trials.into_iter().flat_map(|trial| trial.trace).collect(),
-    })
 }
 
 /// A start on its way through the rounds of [`short_solves`].

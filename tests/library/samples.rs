@@ -112,9 +112,8 @@ fn a_problem_of_the_hosts_own_finds_the_car() {
         })
         .collect();
     let [degrees, share] = errors(&found, truth);
-    // 0.6° and 0.8 % with the prior of points that shipped before; 1.5° and 2.7 % with that of surfaces, whose free form this
-    // problem does not have.
-    assert!(degrees <= 2.0 && share <= 0.03, "{degrees}° {share}");
+    // 1.12° and 1.18 %; where the object alone moves in two steps, 1.24° and 2.15 %.
+    assert!(degrees <= 1.2 && share <= 0.02, "{degrees}° {share}");
 }
 
 /// The bundled car as a COLMAP model: what comes back has the object where the truth has it, in every camera.
