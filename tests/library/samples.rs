@@ -36,7 +36,7 @@ fn a_solve_ends_soon_once_its_observer_says_stop() {
             .arg(&frames)
             .arg(prefix().join("share/spba/priors/car.safetensors")),
     );
-    assert_eq!(told.lines().count(), 6, "{told}");
+    assert_eq!(told.lines().count(), 7, "{told}");
 }
 
 /// How the object lies in the world of the input's poses, as the truth of one frame says: scale, rotation, translation.
