@@ -46,6 +46,13 @@ Prior ToCore(rust::Box<PriorCallback> callback) {
   prior.style_count = static_cast<int>(callback->style_count());
   prior.is_linear = callback->is_linear();
   Require(prior.point_count > 0 && prior.style_count > 0, "the prior must have points and styles");
+  uint64_t axis_styles = 0;
+  for (const bridge::AxisStyles& styles : callback->axis_styles()) {
+    axis_styles += styles.count;
+    Require(styles.axis < 3 && axis_styles <= static_cast<uint64_t>(prior.style_count),
+            "axis styles must be some of the styles, along one of three axes");
+    prior.axis_styles.push_back({static_cast<int>(styles.axis), static_cast<int>(styles.count)});
+  }
   const auto shared = std::make_shared<rust::Box<PriorCallback>>(std::move(callback));
   prior.points = [shared](const std::vector<double>& style, std::vector<double>* points) {
     (*shared)->points({style.data(), style.size()}, {points->data(), points->size()});

@@ -9,12 +9,20 @@
 
 namespace spba {
 
+// Styles, one after another, that each move every point along one axis of the object alone.
+struct AxisStyles {
+  int axis, count;
+};
+
 // X = G(s) for a prefix of the prior's points, row-major 3N and 3N x S. The functions throw where the prior
 // fails.
 struct Prior {
   int point_count = 0, style_count = 0;
   // Whether the derivative is the same at every style.
   bool is_linear = false;
+  // What the last styles are, where they are such: the derivative's rows across their axes are zero, and are
+  // not looked at.
+  std::vector<AxisStyles> axis_styles;
   std::function<void(const std::vector<double>& style, std::vector<double>* points)> points;
   std::function<void(const std::vector<double>& style, std::vector<double>* jacobian)> jacobian;
 };

@@ -9,28 +9,6 @@
 namespace spba {
 namespace {
 
-// target row (1 x S) += a^T X for a 3-vector a and X = dx/ds.
-void AddRow(const Vector3& a, const double* x, int styles, double* __restrict target) {
-  const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
-  const double a0 = a[0], a1 = a[1], a2 = a[2];
-  for (int c = 0; c < styles; ++c) target[c] += a0 * x0[c] + a1 * x1[c] + a2 * x2[c];
-}
-
-// The six rows of `target`, `stride` apart, += a^T X for a 3 x 6 matrix a.
-void AddRows(const Matrix36& a, const double* x, int styles, double* target, Eigen::Index stride) {
-  const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
-  // Two rows at a time share what is loaded of X.
-  for (int r = 0; r < 6; r += 2) {
-    double* __restrict const even = target + r * stride, * __restrict const odd = even + stride;
-    const double e0 = a(0, r), e1 = a(1, r), e2 = a(2, r);
-    const double o0 = a(0, r + 1), o1 = a(1, r + 1), o2 = a(2, r + 1);
-    for (int c = 0; c < styles; ++c) {
-      even[c] += e0 * x0[c] + e1 * x1[c] + e2 * x2[c];
-      odd[c] += o0 * x0[c] + o1 * x1[c] + o2 * x2[c];
-    }
-  }
-}
-
 // a^T times the derivative of a position by the camera's twist; `turned` = R x. Inline, as it has little to
 // do.
 inline Vector6 ByTwist(const TwistScales& scales, const Vector3& turned, double a0, double a1, double a2) {
@@ -90,9 +68,16 @@ PointSystem::PointSystem(const Views& views, const Footage& footage, int level, 
       scales_(views),
       slots_(static_cast<size_t>(views.frame_count()), -1) {
   seen_.reserve(slots_.size());
+  free_styles_ = views.style_count();
+  for (const AxisStyles& styles : views.axis_styles()) free_styles_ -= styles.count;
+  int begin = free_styles_;
+  for (const AxisStyles& styles : views.axis_styles()) {
+    runs_.push_back({styles.axis, begin, begin + styles.count});
+    begin += styles.count;
+  }
   if (want.normal_matrix() && want.style) {
-    batch_x_.resize(3 * kBatch, views.style_count());
-    batch_vx_.resize(3 * kBatch, views.style_count());
+    batch_x_.setZero(3 * kBatch, views.style_count());
+    batch_vx_.setZero(3 * kBatch, views.style_count());
   }
 }
 
@@ -195,7 +180,7 @@ void PointSystem::Finish(NormalEquations* sums) {
     Eigen::Map<Vector6>(gradient + layout.pose(view.frame)) += ByTwist(scales_, turned_[i], view.gradient);
     if (want_.focal) gradient[layout.log_focal()] += Views::ByLogFocal(view.position).dot(view.gradient);
   }
-  if (want_.style) AddRow(by_point, x, styles, gradient + layout.style());
+  if (want_.style) AddRow(by_point, x, gradient + layout.style(), 1);
   gradient[layout.log_alpha()] += alpha_gradient_;
   if (!want_.normal_matrix()) return;
 
@@ -244,7 +229,7 @@ void PointSystem::Finish(NormalEquations* sums) {
       for (int c = 0; c < 3; ++c) {
         with_point.row(c) = ByTwist(scales_, turned_[i], by_style_[i].col(c)).transpose();
       }
-      AddRows(with_point, x, styles, &matrix(at, layout.style()), layout.size());
+      AddRows(with_point, x, &matrix(at, layout.style()), layout.size());
     }
     matrix.block<6, 1>(at, layout.log_alpha()) += ByTwist(scales_, turned_[i], view.with_alpha);
     alpha_by_point.noalias() += linear.transpose() * view.with_alpha;
@@ -258,24 +243,76 @@ void PointSystem::Finish(NormalEquations* sums) {
   }
   matrix(layout.log_alpha(), layout.log_alpha()) += alpha_curvature_;
   if (!want_.style) return;
-  for (int k = 0; k < styles; ++k) {
-    const Vector3 column(x[k], x[styles + k], x[2 * styles + k]);
-    matrix(layout.style() + k, layout.log_alpha()) += column.dot(alpha_by_point);
-    if (want_.focal) matrix(layout.style() + k, layout.log_focal()) += column.dot(focal_by_point);
-  }
+  AddRow(alpha_by_point, x, &matrix(layout.style(), layout.log_alpha()), layout.size());
+  if (want_.focal) AddRow(focal_by_point, x, &matrix(layout.style(), layout.log_focal()), layout.size());
 
-  const Eigen::Map<const RowMajorMatrix> x_matrix(x, 3, styles);
-  batch_x_.middleRows<3>(3 * batched_) = x_matrix;
-  batch_vx_.middleRows<3>(3 * batched_).noalias() = by_point_twice * x_matrix;
+  for (int r = 0; r < 3; ++r) {
+    const Eigen::Index at = r * kBatch + batched_;
+    const auto row = [&](int axis) {
+      return Eigen::Map<const Eigen::RowVectorXd>(x + axis * styles, styles);
+    };
+    batch_x_.row(at) = row(r);
+    const Vector3 v = by_point_twice.row(r);
+    batch_vx_.row(at).head(free_styles_) = v[0] * row(0).head(free_styles_) +
+                                           v[1] * row(1).head(free_styles_) +
+                                           v[2] * row(2).head(free_styles_);
+    for (const StyleRun& run : runs_) {
+      batch_vx_.row(at).segment(run.begin, run.count()) =
+          v[run.axis] * row(run.axis).segment(run.begin, run.count());
+    }
+  }
   if (++batched_ == kBatch) FlushStyles(sums);
+}
+
+void PointSystem::AddRow(const Vector3& a, const double* x, double* target, Eigen::Index stride) const {
+  const int styles = views_.style_count();
+  const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
+  for (int c = 0; c < free_styles_; ++c) target[c * stride] += a[0] * x0[c] + a[1] * x1[c] + a[2] * x2[c];
+  for (const StyleRun& run : runs_) {
+    const double factor = a[run.axis], *x_axis = x + run.axis * styles;
+    for (int c = run.begin; c < run.end; ++c) target[c * stride] += factor * x_axis[c];
+  }
+}
+
+void PointSystem::AddRows(const Matrix36& a, const double* x, double* target, Eigen::Index stride) const {
+  const int styles = views_.style_count();
+  const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
+  // Two rows at a time share what is loaded of X.
+  for (int r = 0; r < 6; r += 2) {
+    double* __restrict const even = target + r * stride, * __restrict const odd = even + stride;
+    const double e0 = a(0, r), e1 = a(1, r), e2 = a(2, r);
+    const double o0 = a(0, r + 1), o1 = a(1, r + 1), o2 = a(2, r + 1);
+    for (int c = 0; c < free_styles_; ++c) {
+      even[c] += e0 * x0[c] + e1 * x1[c] + e2 * x2[c];
+      odd[c] += o0 * x0[c] + o1 * x1[c] + o2 * x2[c];
+    }
+    for (const StyleRun& run : runs_) {
+      const double e = a(run.axis, r), o = a(run.axis, r + 1), *x_axis = x + run.axis * styles;
+      for (int c = run.begin; c < run.end; ++c) {
+        even[c] += e * x_axis[c];
+        odd[c] += o * x_axis[c];
+      }
+    }
+  }
 }
 
 void PointSystem::FlushStyles(NormalEquations* sums) {
   const Layout& layout = views_.layout();
-  sums->matrix.block(layout.style(), layout.style(), layout.styles, layout.styles)
-      .triangularView<Eigen::Upper>() +=
-      batch_x_.topRows(3 * batched_).transpose() * batch_vx_.topRows(3 * batched_);
+  for (int r = 0; r < 3; ++r) batch_vx_.middleRows(r * kBatch + batched_, kBatch - batched_).setZero();
   batched_ = 0;
+  auto by_styles = sums->matrix.block(layout.style(), layout.style(), layout.styles, layout.styles);
+  if (free_styles_ > 0) by_styles.topLeftCorner(free_styles_, free_styles_).triangularView<Eigen::Upper>() +=
+      batch_x_.leftCols(free_styles_).transpose() * batch_vx_.leftCols(free_styles_);
+  for (const StyleRun& run : runs_) {
+    // As V is symmetric, X^T (V x) = (V X)^T x.
+    by_styles.block(0, run.begin, free_styles_, run.count()).noalias() +=
+        batch_vx_.block(run.axis * kBatch, 0, kBatch, free_styles_).transpose() *
+        batch_x_.block(run.axis * kBatch, run.begin, kBatch, run.count());
+    const int rest = layout.styles - run.begin;
+    by_styles.block(run.begin, run.begin, run.count(), rest).noalias() +=
+        batch_x_.block(run.axis * kBatch, run.begin, kBatch, run.count()).transpose() *
+        batch_vx_.block(run.axis * kBatch, run.begin, kBatch, rest);
+  }
 }
 
 void PointSystem::Flush(NormalEquations* sums) {

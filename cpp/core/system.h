@@ -127,6 +127,15 @@ class PointSystem {
       }
     }
   }
+  // Styles [begin, end) move points along one axis alone.
+  struct StyleRun {
+    int axis, begin, end;
+    int count() const { return end - begin; }
+  };
+  // target (1 x S, its entries `stride` apart) += a^T X for a 3-vector a and X = dx/ds.
+  void AddRow(const Vector3& a, const double* x, double* target, Eigen::Index stride) const;
+  // The six rows of `target`, `stride` apart, += a^T X for a 3 x 6 matrix a.
+  void AddRows(const Matrix36& a, const double* x, double* target, Eigen::Index stride) const;
   void FlushStyles(NormalEquations* sums);
 
   const Views& views_;
@@ -141,7 +150,10 @@ class PointSystem {
   std::vector<int> slots_;       // by frame; -1 = not seen yet
   std::vector<PairBlock> pairs_;
   double alpha_gradient_ = 0.0, alpha_curvature_ = 0.0;
-  // Style by style, whose sums come in batches: sum X^T (V X) over points, X and V X stacked.
+  // The styles before the runs move points any way.
+  int free_styles_ = 0;
+  std::vector<StyleRun> runs_;
+  // Style by style, whose sums come in batches: sum X^T (V X) over points, X and V X stacked, axis after axis.
   static constexpr int kBatch = 64;
   int batched_ = 0;
   RowMajorMatrix batch_x_, batch_vx_;

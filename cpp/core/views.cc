@@ -12,6 +12,7 @@ Views::Views(const Variables& variables, const Prior& prior, bool weak_perspecti
       layout_{static_cast<int>(variables.camera_from_object.size()),
               static_cast<int>(variables.style.size())},
       focal_(std::exp(variables.log_focal)),
+      axis_styles_(prior.axis_styles),
       points_(memory->Points(prior, variables.style)),
       weak_perspective_(weak_perspective) {
   if (with_jacobian) jacobian_ = memory->Jacobian(prior, variables.style).data();

@@ -19,7 +19,7 @@ struct FrameView {
 // X, dX/ds and all cameras. Borrows the shape's memory.
 class Views {
  public:
-  // Throws where the prior fails. `weak_perspective`: every point projects as if it had the depth of the
+  // Borrows the prior's axis styles too. Throws where the prior fails. `weak_perspective`: every point projects as if it had the depth of the
   // object's origin (Zhu et al.).
   Views(const Variables& variables, const Prior& prior, bool weak_perspective, bool with_jacobian,
         ShapeMemory* memory);
@@ -30,6 +30,7 @@ class Views {
   int frame_count() const { return static_cast<int>(frames_.size()); }
   int point_count() const { return static_cast<int>(points_.size() / 3); }
   int style_count() const { return layout_.styles; }
+  const std::vector<AxisStyles>& axis_styles() const { return axis_styles_; }
   const Layout& layout() const { return layout_; }
   const Variables& variables() const { return variables_; }
   const FrameView& frame(int l) const { return frames_[static_cast<size_t>(l)]; }
@@ -58,6 +59,7 @@ class Views {
   const Variables& variables_;
   Layout layout_;
   double focal_;
+  const std::vector<AxisStyles>& axis_styles_;
   const std::vector<double>& points_;
   const double* jacobian_ = nullptr;
   bool weak_perspective_;

@@ -48,6 +48,9 @@ std::vector<Case> Cases(const Scene& scene, const Variables& start) {
   add("motion", false, false).Add(MakeMotionTerm(Motions(start)));
   add("focal", false, false).Add(MakeFocalTerm({0.03}));
   AddAllTerms(scene, start, &add("all terms", false, false));
+  cases.push_back({"all terms, styles along axes",
+                   std::make_unique<Objective>(scene.footage, Ball(false, {{2, 1}, {0, 2}, {2, 1}}), false)});
+  AddAllTerms(scene, start, cases.back().objective.get());
   return cases;
 }
 

@@ -40,15 +40,20 @@ inline int Failures() {
   return std::min(failures, 255);
 }
 
-// A bumpy ball of points, stretched and bent by styles; not linear in them if `bent`.
-inline Prior Ball(bool bent) {
-  const auto point = [bent](int j, const std::vector<double>& s, double* x, double* by_style) {
+// A bumpy ball of points, stretched and bent by styles; not linear in them if `bent`. Those of `along_axes` come
+// last.
+inline Prior Ball(bool bent, const std::vector<AxisStyles>& along_axes = {}) {
+  std::vector<int> axis_of;  // by style; -1 = all
+  for (const AxisStyles& styles : along_axes) axis_of.insert(axis_of.end(), styles.count, styles.axis);
+  axis_of.insert(axis_of.begin(), kStyles - axis_of.size(), -1);
+  const auto point = [bent, axis_of](int j, const std::vector<double>& s, double* x, double* by_style) {
     const double y = 1.0 - 2.0 * (j + 0.5) / kPoints, r = std::sqrt(1.0 - y * y), a = 2.399963 * j;
     const double mean[3] = {0.3 * r * std::cos(a), 0.3 * y, 0.3 * r * std::sin(a)};
     for (int i = 0; i < 3; ++i) {
       x[i] = mean[i];
       for (int k = 0; k < kStyles; ++k) {
-        const double mode = 0.02 * std::sin(3.0 * k + 5.0 * mean[(i + k) % 3] + i);
+        const int axis = axis_of[static_cast<size_t>(k)];
+        const double mode = axis >= 0 && axis != i ? 0.0 : 0.02 * std::sin(3.0 * k + 5.0 * mean[(i + k) % 3] + i);
         x[i] += mode * (bent ? std::sin(s[static_cast<size_t>(k)]) : s[static_cast<size_t>(k)]);
         by_style[i * kStyles + k] = mode * (bent ? std::cos(s[static_cast<size_t>(k)]) : 1.0);
       }
@@ -58,6 +63,7 @@ inline Prior Ball(bool bent) {
   prior.point_count = kPoints;
   prior.style_count = kStyles;
   prior.is_linear = !bent;
+  prior.axis_styles = along_axes;
   prior.points = [point](const std::vector<double>& s, std::vector<double>* points) {
     double ignored[3 * kStyles];
     for (int j = 0; j < kPoints; ++j) point(j, s, &(*points)[3 * static_cast<size_t>(j)], ignored);

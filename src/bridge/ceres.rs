@@ -247,6 +247,12 @@ pub mod ffi {
         normal_matrix: Vec<f64>,
     }
 
+    /// Styles, one after another, that move points along the same axis (0 = x, 1 = y, 2 = z).
+    struct AxisStyles {
+        axis: u32,
+        count: u32,
+    }
+
     /// The state after one of Ceres's iterations; 0 is the start.
     struct Iteration {
         number: u32,
@@ -282,6 +288,7 @@ pub mod ffi {
         fn style_count(self: &PriorCallback) -> usize;
         /// Whether the Jacobian is the same at every style.
         fn is_linear(self: &PriorCallback) -> bool;
+        fn axis_styles(self: &PriorCallback) -> Vec<AxisStyles>;
         fn points(self: &PriorCallback, style: &[f64], points: &mut [f64]) -> Result<()>;
         fn jacobian(self: &PriorCallback, style: &[f64], jacobian: &mut [f64]) -> Result<()>;
 
@@ -384,6 +391,15 @@ impl PriorCallback {
 
     fn is_linear(&self) -> bool {
         self.prior.is_linear()
+    }
+
+    fn axis_styles(&self) -> Vec<ffi::AxisStyles> {
+        let runs = self.prior.axis_styles().iter();
+        runs.map(|styles| ffi::AxisStyles {
+            axis: styles.axis as u32,
+            count: styles.count as u32,
+        })
+        .collect()
     }
 
     fn points(&self, style: &[f64], points: &mut [f64]) -> Result<(), String> {

@@ -177,8 +177,12 @@ impl ShapePrior for LearnedPrior {
         self.surface()?.canonical_by_shape(style, free_form)
     }
 
+    fn form_len(&self, form: FreeForm) -> usize {
+        self.surface().map_or(0, |surface| surface.form_len(form))
+    }
+
     fn freed(&self, form: FreeForm) -> Result<Option<Arc<dyn ShapePrior>>, InvalidPrior> {
-        let Some(surface) = self.surface().filter(|surface| surface.form_len(form) > 0) else {
+        let Some(surface) = self.surface().filter(|_| self.form_len(form) > 0) else {
             return Ok(None);
         };
         let freed = surface.at_points(FREED_POINTS.min(self.point_count()), form)?;

@@ -1,7 +1,8 @@
 //! The linear prior: X(s) = mean + Σ s_k σ_k mode_k, the standard deviations folded into the basis.
 
-use super::ShapePrior;
+use super::{AxisStyles, ShapePrior};
 use nalgebra::Vector3;
+use std::ops::Range;
 
 /// A mean shape and S modes over N points, object frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,6 +12,8 @@ pub struct LinearPrior {
     /// 3N rows of S entries, row-major: ∂X/∂s.
     basis: Vec<f64>,
     style_len: usize,
+    /// What the last styles are.
+    axis_styles: Vec<AxisStyles>,
     normals: Vec<[f32; 3]>,
 }
 
@@ -92,8 +95,39 @@ impl LinearPrior {
             mean,
             basis,
             style_len,
+            axis_styles: Vec::new(),
             normals,
         })
+    }
+
+    /// Told what the last styles are, as the basis already has them.
+    pub(super) fn with_axis_styles(self, axis_styles: Vec<AxisStyles>) -> Self {
+        let told = Self { axis_styles, ..self };
+        debug_assert!(
+            told.basis
+                .chunks_exact(told.style_len.max(1))
+                .enumerate()
+                .all(|(row, moved)| {
+                    let mut across = told.runs().filter(|(axis, _)| *axis != row % 3);
+                    across.all(|(_, styles)| moved[styles].iter().all(|&x| x == 0.0))
+                })
+        );
+        told
+    }
+
+    /// The axis styles' axes, and which styles they are.
+    fn runs(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let mut end = self.free_style_len();
+        self.axis_styles.iter().map(move |styles| {
+            let begin = end;
+            end += styles.count;
+            (styles.axis, begin..end)
+        })
+    }
+
+    /// How many styles come before the axis styles.
+    fn free_style_len(&self) -> usize {
+        self.style_len - self.axis_styles.iter().map(|styles| styles.count).sum::<usize>()
     }
 
     /// The prior of `shapes`' first `style_len` principal components (fewer where there are fewer shapes), each shape counting by its
@@ -144,9 +178,15 @@ impl ShapePrior for LinearPrior {
             points.copy_from_slice(&self.mean[..points.len()]);
             return;
         }
-        let rows = self.basis.chunks_exact(self.style_len);
-        for ((out, mean), row) in points.iter_mut().zip(&self.mean).zip(rows) {
-            *out = mean + dot(row, style);
+        let free = self.free_style_len();
+        let runs: [Vec<Range<usize>>; 3] = std::array::from_fn(|axis| {
+            let of_axis = self.runs().filter(|run| run.0 == axis);
+            of_axis.map(|(_, styles)| styles).collect()
+        });
+        let rows = self.basis.chunks_exact(self.style_len).zip(runs.iter().cycle());
+        for ((out, mean), (row, runs)) in points.iter_mut().zip(&self.mean).zip(rows) {
+            let along = runs.iter().cloned().map(|styles| dot(&row[styles.clone()], &style[styles]));
+            *out = mean + dot(&row[..free], &style[..free]) + along.sum::<f64>();
         }
     }
 
@@ -156,6 +196,10 @@ impl ShapePrior for LinearPrior {
 
     fn is_linear(&self) -> bool {
         true
+    }
+
+    fn axis_styles(&self) -> &[AxisStyles] {
+        &self.axis_styles
     }
 }
 

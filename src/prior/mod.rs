@@ -44,6 +44,15 @@ pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 use crate::geometry::Similarity;
 use std::sync::Arc;
 
+/// Styles, one after another, that move points along the same axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AxisStyles {
+    /// 0 = x, 1 = y, 2 = z, object frame.
+    pub axis: usize,
+    /// How many there are.
+    pub count: usize,
+}
+
 /// A shape prior: style → N points in the object frame, and the derivative.
 ///
 /// Points are stored so that any prefix is an even sample of the surface (farthest-point order).
@@ -66,6 +75,12 @@ pub trait ShapePrior: Send + Sync {
         false
     }
 
+    /// What the last styles are, run after run, where each moves every point along one axis of the object alone, as the modes of a free
+    /// form do: the other two rows of its derivative are zero.
+    fn axis_styles(&self) -> &[AxisStyles] {
+        &[]
+    }
+
     /// From the frame of X(s), bent by the free form of coordinates g, to the canonical frame, where the shape itself tells: a prior of
     /// surfaces knows the whole body's box. `None`: X(s) is taken to be in it.
     fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {
@@ -77,6 +92,12 @@ pub trait ShapePrior: Send + Sync {
     fn canonical_by_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Vec<FrameDerivative>> {
         let _ = (style, free_form);
         None
+    }
+
+    /// The number of the free form's coordinates; 0 where this prior has none.
+    fn form_len(&self, form: FreeForm) -> usize {
+        let _ = form;
+        0
     }
 
     /// The same shapes, bent by a free form: a prior whose style is (s, g), g being the form's coordinates, standard normal too.

@@ -3,6 +3,7 @@
 
 use super::field::FieldModes;
 use super::linear::{InvalidPrior, LinearPrior};
+use super::AxisStyles;
 use super::mesh::{MirroredMesh, body_box, subdivided};
 use crate::geometry::{BODY_BEYOND, Rotation3, Similarity, mirror};
 use nalgebra::Vector3;
@@ -240,7 +241,12 @@ impl SurfacePrior {
                 rows[(3 + mode.axis) * columns + self.style_len + k] = if flips { -moved } else { moved };
             }
         }
-        LinearPrior::new(mean, basis, columns, point_normals)
+        let along = modes.chunk_by(|a, b| a.axis == b.axis).map(|run| AxisStyles {
+            axis: run[0].axis,
+            count: run.len(),
+        });
+        let prior = LinearPrior::new(mean, basis, columns, point_normals)?;
+        Ok(prior.with_axis_styles(along.collect()))
     }
 
     /// The corners of a point's face and their weights.
@@ -256,20 +262,20 @@ impl SurfacePrior {
         };
         let mut modes = Vec::new();
         for &symmetric in parities {
-            for mode in 0..self.field.even.ncols().max(self.field.odd.ncols()) {
-                let axes = (0..3).map(|axis| FormMode {
+            for axis in 0..3 {
+                let along = 0..self.modes_along(axis, symmetric).ncols();
+                modes.extend(along.map(|mode| FormMode {
                     mode,
                     axis,
                     symmetric,
-                });
-                modes.extend(axes.filter(|m| m.mode < self.modes_of(*m).ncols()));
+                }));
             }
         }
         modes
     }
 
-    fn modes_of(&self, mode: FormMode) -> &nalgebra::DMatrix<f64> {
-        if (mode.axis == 0) == mode.symmetric {
+    fn modes_along(&self, axis: usize, symmetric: bool) -> &nalgebra::DMatrix<f64> {
+        if (axis == 0) == symmetric {
             &self.field.odd
         } else {
             &self.field.even
@@ -278,7 +284,7 @@ impl SurfacePrior {
 
     fn value(&self, mode: FormMode, vertex: usize) -> f64 {
         let amplitude = if mode.symmetric { 1.0 } else { self.asymmetry };
-        amplitude * self.modes_of(mode)[(vertex, mode.mode)]
+        amplitude * self.modes_along(mode.axis, mode.symmetric)[(vertex, mode.mode)]
     }
 }
 
@@ -367,6 +373,30 @@ pub(super) mod tests {
         assert!((low + high).norm() < 1e-9);
         let flat = prior.moved_to(vec![V3::x(); 5]).unwrap();
         assert!(flat.canonical_from_shape(&[], &[]).is_none());
+    }
+
+    #[test]
+    fn modes_along_axes_are_told() {
+        let linear = octahedron().at_points(8, FreeForm::Any).unwrap();
+        let told: Vec<_> = linear.axis_styles().iter().map(|run| (run.axis, run.count)).collect();
+        // One odd mode, two even ones; asymmetric ones have them the other way round.
+        assert_eq!(told, [(0, 1), (1, 2), (2, 2), (0, 2), (1, 1), (2, 1)]);
+        let styles = (0..3).flat_map(|axis| linear.basis()[axis * 10..][..10].to_vec());
+        let moved: Vec<f64> = styles.collect();
+        let axis_of = [3, 0, 1, 1, 2, 2, 0, 0, 1, 2];
+        for (axis, row) in moved.chunks_exact(10).enumerate() {
+            for (k, &amount) in row.iter().enumerate().skip(1) {
+                assert!(axis_of[k] == axis || amount == 0.0, "style {k} along {axis}: {amount}");
+            }
+        }
+        // What is left out of a sum is zero.
+        let style: Vec<f64> = (0..10).map(|k| f64::from(k) / 8.0 - 0.5).collect();
+        let mut points = [0.0; 24];
+        linear.points(&style, &mut points);
+        for (row, point) in points.iter().enumerate() {
+            let all: f64 = linear.basis()[row * 10..][..10].iter().zip(&style).map(|(b, s)| b * s).sum();
+            assert!((linear.mean()[row] + all - point).abs() < 1e-12, "row {row}");
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::sequence::Sequence;
 use cpu_time::{ProcessTime, ThreadTime};
 use std::collections::HashMap;
 
-/// Levels before the last end at so many times [`SolverOptions::tolerance`]: the next level goes on from there.
+/// A level ends at so many times [`SolverOptions::tolerance`] where something goes on from there.
 const COARSE_TOLERANCE: f64 = 10.0;
 
 /// What a step of Algorithm 1 moves, in order.
@@ -30,6 +30,8 @@ pub(super) struct Route<'a> {
     pub placing_steps: usize,
     /// Pyramid levels in turn.
     pub levels: &'a [usize],
+    /// Whether something goes on from the last of them.
+    pub goes_on: bool,
 }
 
 /// What one descent did.
@@ -72,7 +74,7 @@ pub(super) fn descend(
     let mut minimisers = Minimisers::new(options.minimiser);
     'levels: for (place, &level) in route.levels.iter().enumerate() {
         descent.termination = Termination::StepLimit;
-        let tolerance = if place + 1 < route.levels.len() {
+        let tolerance = if route.goes_on || place + 1 < route.levels.len() {
             COARSE_TOLERANCE * options.tolerance
         } else {
             options.tolerance

@@ -201,6 +201,7 @@ fn free(
         stage: "free-form/",
         placing_steps: 0,
         levels: &[0],
+        goes_on: false,
     };
     let options = SolverOptions {
         max_steps: options.max_steps.min(FREE_STEPS),
@@ -309,7 +310,8 @@ fn unrefined(
 }
 
 /// Minimises Eq. 9 from one start, through the pyramid levels of `footage` from the coarsest on, at most `options.levels`. The solution is
-/// in the prior's frame, without free form; [`complete`] goes on from it.
+/// in the prior's frame, without free form; [`complete`] goes on from it, at full resolution where there is a free form, which is left to
+/// it then.
 ///
 /// # Errors
 /// Options out of range, or a failing objective.
@@ -344,11 +346,13 @@ pub fn refine(
         &start,
         options.threads,
     )?;
-    let levels: Vec<usize> = (0..options.levels.min(footage.levels())).rev().collect();
+    let goes_on = options.levels > 1 && prior.form_len(options.free_form) > 0;
+    let levels: Vec<usize> = (usize::from(goes_on)..options.levels.min(footage.levels())).rev().collect();
     let route = Route {
         stage: "",
         placing_steps: 0,
         levels: &levels,
+        goes_on,
     };
     let descent = descend(
         &mut objective,

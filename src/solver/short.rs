@@ -16,10 +16,8 @@ use std::time::Instant;
 const HYPOTHESIS_POINTS: usize = 2048;
 /// It is judged on this many of the frames; the others follow.
 const HYPOTHESIS_FRAMES: usize = 12;
-/// So many steps of a short solve move the pose alone.
-const PLACING_STEPS: usize = 3;
-/// Steps of a short solve that move all variables, round by round.
-const SHORT_SOLVE_STEPS: [usize; 3] = [1, 1, 3];
+/// Steps of a short solve that move the pose alone, and then those that move all variables, round by round.
+const SHORT_SOLVE_STEPS: [(usize, usize); 3] = [(3, 0), (0, 2), (0, 3)];
 /// Ceres iterations of each of them.
 const SHORT_SOLVE_ITERATIONS: u32 = 5;
 /// [`SolverOptions::tolerance`] of a short solve.
@@ -147,7 +145,7 @@ impl Contest<'_> {
             stopped.fetch_or(!goes_on, Ordering::Relaxed);
             goes_on
         };
-        for (round, &steps) in SHORT_SOLVE_STEPS.iter().enumerate() {
+        for (round, &(placing_steps, steps)) in SHORT_SOLVE_STEPS.iter().enumerate() {
             let options = SolverOptions {
                 evaluation: self.evaluation,
                 max_steps: steps,
@@ -168,7 +166,14 @@ impl Contest<'_> {
                     start,
                     1,
                 )?;
-                trial.go_on(&mut objective, footage, target, round, &options, &observer)
+                let stage = format!("hypothesis-{}/round-{round}/", trial.index);
+                let route = Route {
+                    stage: &stage,
+                    placing_steps,
+                    levels: &[footage.levels() - 1],
+                    goes_on: false,
+                };
+                trial.go_on(&mut objective, footage, target, &route, &options, &observer)
             })?;
             tracing::debug!("round {round}: {} starts solved", trials.len());
             // Stable, so that ties keep the order of the starts.
@@ -217,25 +222,20 @@ impl Trial {
         objective: &mut Objective,
         footage: &Footage,
         target: usize,
-        round: usize,
+        route: &Route,
         options: &SolverOptions,
         observer: &Observer,
     ) -> Result<(), SolveError> {
-        let route = Route {
-            stage: &format!("hypothesis-{}/round-{round}/", self.index),
-            placing_steps: if round == 0 { PLACING_STEPS } else { 0 },
-            levels: &[footage.levels() - 1],
-        };
         let descent = descend(
             objective,
             footage.sequence(),
             target,
             &self.estimate,
             options,
-            &route,
+            route,
             &mut Progress::new(observer),
         )?;
-        if round == 0 {
+        if self.trace.is_empty() {
             self.objectives.0 = descent.start.total;
         }
         self.objectives.1 = descent.end.total;

@@ -6,7 +6,7 @@ use super::{Effort, Jobs, Method, StudyError, Subject, Table};
 use crate::geometry::{Pose, Rotation3, Vector3};
 use crate::init::{Estimate, cameras_from_input};
 use crate::objective::{Footage, Objective, ObjectiveError};
-use crate::prior::{self, ShapePrior};
+use crate::prior::{self, FreeForm, ShapePrior};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -32,7 +32,9 @@ pub struct Fig3 {
 /// Around the optimum that ours finds; from the cache if it is there.
 pub fn fig3(subject: &Subject, jobs: &Jobs, effort: Effort) -> Result<Fig3, StudyError> {
     let half = if effort == Effort::Quick { 2 } else { 10 };
-    let method = Method::ours().with(effort);
+    let mut method = Method::ours().with(effort);
+    // Of the joint solve, to the full resolution.
+    method.config.solver.free_form = FreeForm::None;
     let start = subject.start(jobs, effort)?.short;
     let optimum = subject.runs(jobs, &[(method.clone(), start)])?.remove(0).joint;
     let figures = jobs.run(
