@@ -6,7 +6,7 @@ mod patches;
 use super::motion::Motion;
 use crate::geometry::{Pinhole, Pose, Vector3};
 use crate::image::{DepthMap, Grid, Mask, RgbImage};
-use patches::{Patches, Scratch, warp};
+use patches::{Patches, Region, Scratch, warp};
 use rayon::prelude::*;
 
 /// Options of the plane sweep.
@@ -227,6 +227,8 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
         .filter(|&i| target.mask[(left + i % width, top + i / width)])
         .filter(|&i| own.variance(i) > options.min_texture.powi(2))
         .collect();
+    let region = Region::new(wanted, (width, height), options.radius_px);
+    let wanted = region.wanted();
     let others: Vec<(&Grid<f32>, Pose)> = others
         .iter()
         .map(|other| {
@@ -249,9 +251,10 @@ fn best_planes(target: &Swept, others: &[&Swept], camera: &Pinhole, options: &De
                 other_from_target,
                 inverse_depth,
                 [left, top],
+                &region,
                 &mut warped,
             );
-            own.correlate(&mut warped, &wanted, &mut scratch, |k, value| {
+            own.correlate(&mut warped, &region, &mut scratch, |k, value| {
                 let best = &mut likeness[k];
                 if value > best[0] {
                     *best = [value, best[0]];

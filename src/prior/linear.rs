@@ -185,7 +185,10 @@ impl ShapePrior for LinearPrior {
         });
         let rows = self.basis.chunks_exact(self.style_len).zip(runs.iter().cycle());
         for ((out, mean), (row, runs)) in points.iter_mut().zip(&self.mean).zip(rows) {
-            let along = runs.iter().cloned().map(|styles| dot(&row[styles.clone()], &style[styles]));
+            let along = runs
+                .iter()
+                .cloned()
+                .map(|styles| dot(&row[styles.clone()], &style[styles]));
             *out = mean + dot(&row[..free], &style[..free]) + along.sum::<f64>();
         }
     }

@@ -1,9 +1,9 @@
 //! A prior of closed surfaces: vertices(s, g) = mean + Σ s_k component_k + Σ g_k mode_k, s and g i.i.d. standard normal. The
 //! components (style) are what models have in common; the modes (free form) are a smooth random field for what they have not.
 
+use super::AxisStyles;
 use super::field::FieldModes;
 use super::linear::{InvalidPrior, LinearPrior};
-use super::AxisStyles;
 use super::mesh::{MirroredMesh, body_box, subdivided};
 use crate::geometry::{BODY_BEYOND, Rotation3, Similarity, mirror};
 use nalgebra::Vector3;
@@ -378,7 +378,11 @@ pub(super) mod tests {
     #[test]
     fn modes_along_axes_are_told() {
         let linear = octahedron().at_points(8, FreeForm::Any).unwrap();
-        let told: Vec<_> = linear.axis_styles().iter().map(|run| (run.axis, run.count)).collect();
+        let told: Vec<_> = linear
+            .axis_styles()
+            .iter()
+            .map(|run| (run.axis, run.count))
+            .collect();
         // One odd mode, two even ones; asymmetric ones have them the other way round.
         assert_eq!(told, [(0, 1), (1, 2), (2, 2), (0, 2), (1, 1), (2, 1)]);
         let styles = (0..3).flat_map(|axis| linear.basis()[axis * 10..][..10].to_vec());
@@ -386,7 +390,10 @@ pub(super) mod tests {
         let axis_of = [3, 0, 1, 1, 2, 2, 0, 0, 1, 2];
         for (axis, row) in moved.chunks_exact(10).enumerate() {
             for (k, &amount) in row.iter().enumerate().skip(1) {
-                assert!(axis_of[k] == axis || amount == 0.0, "style {k} along {axis}: {amount}");
+                assert!(
+                    axis_of[k] == axis || amount == 0.0,
+                    "style {k} along {axis}: {amount}"
+                );
             }
         }
         // What is left out of a sum is zero.
@@ -394,7 +401,11 @@ pub(super) mod tests {
         let mut points = [0.0; 24];
         linear.points(&style, &mut points);
         for (row, point) in points.iter().enumerate() {
-            let all: f64 = linear.basis()[row * 10..][..10].iter().zip(&style).map(|(b, s)| b * s).sum();
+            let all: f64 = linear.basis()[row * 10..][..10]
+                .iter()
+                .zip(&style)
+                .map(|(b, s)| b * s)
+                .sum();
             assert!((linear.mean()[row] + all - point).abs() < 1e-12, "row {row}");
         }
     }

@@ -347,7 +347,9 @@ pub fn refine(
         options.threads,
     )?;
     let goes_on = options.levels > 1 && prior.form_len(options.free_form) > 0;
-    let levels: Vec<usize> = (usize::from(goes_on)..options.levels.min(footage.levels())).rev().collect();
+    let levels: Vec<usize> = (usize::from(goes_on)..options.levels.min(footage.levels()))
+        .rev()
+        .collect();
     let route = Route {
         stage: "",
         placing_steps: 0,

@@ -10,35 +10,32 @@ pub const ENTRIES: usize = 128;
 pub fn alike(a: &DMatrix<f32>, b: &DMatrix<f32>, ratio: f32) -> Vec<[u32; 2]> {
     // The nearest is the one with the largest product: |x − y|² = 2 − 2 x·y.
     let products = a.transpose() * b;
-    let mut nearest = vec![(f32::NEG_INFINITY, 0); a.ncols()];
-    let mut second = vec![f32::NEG_INFINITY; a.ncols()];
-    let mut back = Vec::with_capacity(b.ncols());
-    for (j, column) in products.column_iter().enumerate() {
-        let mut best = (f32::NEG_INFINITY, 0);
-        for (i, &product) in column.iter().enumerate() {
-            if product > best.0 {
-                best = (product, i);
-            }
-            if product > nearest[i].0 {
-                second[i] = nearest[i].0;
-                nearest[i] = (product, j);
-            } else if product > second[i] {
-                second[i] = product;
-            }
+    let mut nearest = vec![0u32; a.ncols()];
+    let mut first = vec![f32::NEG_INFINITY; a.ncols()];
+    let mut second = first.clone();
+    for (j, column) in (0u32..).zip(products.column_iter()) {
+        // Without branches, so that several features are compared at once.
+        let kept = nearest.iter_mut().zip(&mut first).zip(&mut second);
+        for (&product, ((nearest, first), second)) in column.iter().zip(kept) {
+            let lesser = if product < *first { product } else { *first };
+            *second = if lesser > *second { lesser } else { *second };
+            *nearest = if product > *first { j } else { *nearest };
+            *first = if product > *first { product } else { *first };
         }
-        back.push(best.1);
     }
     let squared_distance = |product: f32| (2.0 - 2.0 * product).max(0.0);
-    nearest
-        .iter()
-        .zip(&second)
-        .enumerate()
-        .filter(|(i, ((product, j), second))| {
-            second.is_finite()
-                && squared_distance(*product) < ratio * ratio * squared_distance(**second)
-                && back[*j] == *i
+    let is_nearest_back = |i: usize, j: u32, product: f32| {
+        let column = products.column(j as usize);
+        let (before, after) = column.as_slice().split_at(i);
+        before.iter().all(|other| *other < product) && after.iter().all(|other| *other <= product)
+    };
+    (0..nearest.len())
+        .filter(|&i| {
+            second[i].is_finite()
+                && squared_distance(first[i]) < ratio * ratio * squared_distance(second[i])
+                && is_nearest_back(i, nearest[i], first[i])
         })
-        .map(|(i, ((_, j), _))| [i as u32, *j as u32])
+        .map(|i| [i as u32, nearest[i]])
         .collect()
 }
 
