@@ -301,8 +301,9 @@ void PointSystem::FlushStyles(NormalEquations* sums) {
   for (int r = 0; r < 3; ++r) batch_vx_.middleRows(r * kBatch + batched_, kBatch - batched_).setZero();
   batched_ = 0;
   auto by_styles = sums->matrix.block(layout.style(), layout.style(), layout.styles, layout.styles);
-  if (free_styles_ > 0) by_styles.topLeftCorner(free_styles_, free_styles_).triangularView<Eigen::Upper>() +=
-      batch_x_.leftCols(free_styles_).transpose() * batch_vx_.leftCols(free_styles_);
+  if (free_styles_ > 0)
+    by_styles.topLeftCorner(free_styles_, free_styles_).triangularView<Eigen::Upper>() +=
+        batch_x_.leftCols(free_styles_).transpose() * batch_vx_.leftCols(free_styles_);
   for (const StyleRun& run : runs_) {
     // As V is symmetric, X^T (V x) = (V X)^T x.
     by_styles.block(0, run.begin, free_styles_, run.count()).noalias() +=

@@ -153,7 +153,8 @@ class PointSystem {
   // The styles before the runs move points any way.
   int free_styles_ = 0;
   std::vector<StyleRun> runs_;
-  // Style by style, whose sums come in batches: sum X^T (V X) over points, X and V X stacked, axis after axis.
+  // Style by style, whose sums come in batches: sum X^T (V X) over points, X and V X stacked, axis after
+  // axis.
   static constexpr int kBatch = 64;
   int batched_ = 0;
   RowMajorMatrix batch_x_, batch_vx_;

@@ -19,8 +19,8 @@ struct FrameView {
 // X, dX/ds and all cameras. Borrows the shape's memory.
 class Views {
  public:
-  // Borrows the prior's axis styles too. Throws where the prior fails. `weak_perspective`: every point projects as if it had the depth of the
-  // object's origin (Zhu et al.).
+  // Borrows the prior's axis styles too. Throws where the prior fails. `weak_perspective`: every point
+  // projects as if it had the depth of the object's origin (Zhu et al.).
   Views(const Variables& variables, const Prior& prior, bool weak_perspective, bool with_jacobian,
         ShapeMemory* memory);
 

@@ -40,8 +40,8 @@ inline int Failures() {
   return std::min(failures, 255);
 }
 
-// A bumpy ball of points, stretched and bent by styles; not linear in them if `bent`. Those of `along_axes` come
-// last.
+// A bumpy ball of points, stretched and bent by styles; not linear in them if `bent`. Those of `along_axes`
+// come last.
 inline Prior Ball(bool bent, const std::vector<AxisStyles>& along_axes = {}) {
   std::vector<int> axis_of;  // by style; -1 = all
   for (const AxisStyles& styles : along_axes) axis_of.insert(axis_of.end(), styles.count, styles.axis);
@@ -53,7 +53,8 @@ inline Prior Ball(bool bent, const std::vector<AxisStyles>& along_axes = {}) {
       x[i] = mean[i];
       for (int k = 0; k < kStyles; ++k) {
         const int axis = axis_of[static_cast<size_t>(k)];
-        const double mode = axis >= 0 && axis != i ? 0.0 : 0.02 * std::sin(3.0 * k + 5.0 * mean[(i + k) % 3] + i);
+        const double mode =
+            axis >= 0 && axis != i ? 0.0 : 0.02 * std::sin(3.0 * k + 5.0 * mean[(i + k) % 3] + i);
         x[i] += mode * (bent ? std::sin(s[static_cast<size_t>(k)]) : s[static_cast<size_t>(k)]);
         by_style[i * kStyles + k] = mode * (bent ? std::cos(s[static_cast<size_t>(k)]) : 1.0);
       }

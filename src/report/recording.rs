@@ -9,10 +9,11 @@ use crate::prior::LearnedPrior;
 use crate::sequence::Sequence;
 use crate::solver::{ObjectiveValue, Solution, TraceRow};
 use image::codecs::png::PngEncoder;
-use rerun::{
-    EncodedImage, Mesh3D, Pinhole, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines,
-    Transform3D, TransformRelation, ViewCoordinates,
+use re_sdk::{AsComponents, EntityPathPart, RecordingStream, RecordingStreamBuilder};
+use re_sdk_types::archetypes::{
+    EncodedImage, Mesh3D, Pinhole, Scalars, SeriesLines, Transform3D, ViewCoordinates,
 };
+use re_sdk_types::components::TransformRelation;
 use std::io::Error;
 use std::path::Path;
 
@@ -104,7 +105,7 @@ impl Recorder<'_> {
     }
 
     fn camera(&self, index: usize) -> String {
-        let name = rerun::EntityPathPart::new(self.sequence.frames[index].name.as_str());
+        let name = EntityPathPart::new(self.sequence.frames[index].name.as_str());
         format!("object/cameras/{}", name.escaped_string())
     }
 
@@ -121,7 +122,7 @@ impl Recorder<'_> {
     /// What does not change: the axes, the terms' names and the frames' pictures.
     fn pictures(&self) -> Result<(), Error> {
         let log =
-            |to: &str, what: &dyn rerun::AsComponents| self.stream.log_static(to, what).map_err(Error::other);
+            |to: &str, what: &dyn AsComponents| self.stream.log_static(to, what).map_err(Error::other);
         log("object", &ViewCoordinates::RIGHT_HAND_Y_UP())?;
         log(
             OBJECTIVE,
@@ -182,7 +183,7 @@ mod tests {
     use super::*;
     use crate::report::fixture;
     use crate::solver::StepState;
-    use rerun::log::{Chunk, LogMsg};
+    use re_sdk::log::{Chunk, LogMsg};
     use std::collections::BTreeMap;
 
     #[test]

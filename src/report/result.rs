@@ -1,4 +1,4 @@
-//! `result.json`: what a solve found, in numbers (schema 1).
+//! `result.json`: what a solve found, in numbers (schema 2).
 
 use super::ReportError;
 use super::write::{MAX_TRANSLATION, SCALES};
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The only schema that this version writes and reads.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// The largest entry of RᵀR − 1 for which R still counts as a rotation.
 const ROTATION_TOLERANCE: f64 = 1e-6;
 
@@ -331,10 +331,10 @@ mod tests {
     #[test]
     fn another_schema_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("result.json"), "{\"schema\": 2}").unwrap();
+        std::fs::write(folder.path().join("result.json"), "{\"schema\": 1}").unwrap();
         let error = RunResult::load(folder.path()).unwrap_err().to_string();
         assert!(
-            error.contains("result.json: schema must be 1, found 2"),
+            error.contains("result.json: schema must be 2, found 1"),
             "{error}"
         );
     }

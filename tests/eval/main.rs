@@ -397,7 +397,7 @@ fn faults_are_one_line() {
     std::fs::write(home.path().join("result.json"), "{\"schema\": 9}").unwrap();
     let text = fails(
         &[home.path(), Path::new("--truth"), home.path()],
-        "schema must be 1, found 9",
+        "schema must be 2, found 9",
     );
     assert_eq!(text.lines().count(), 1, "{text}");
 }

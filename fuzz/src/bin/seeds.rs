@@ -72,7 +72,7 @@ const MTL: &[u8] = b"newmtl a\nKd 1 0.5 0\nd 1\n";
 const CATALOGUE: &[u8] =
     b"name=Lib\nlicense=CC0\nid#1=Lib#a\ncategory#1=Vehicles\nmodel#1=/a.obj\nwidth#1=10\ndepth#1=40\nheight#1=20\n\
       modelRotation#1=0 -1 0 1 0 0 0 0 1\n";
-const RESULT: &str = r#"{"schema": 1, "version": "0", "input": "a", "prior": "car", "frames": [{"name": "a",
+const RESULT: &str = r#"{"schema": 2, "version": "0", "input": "a", "prior": "car", "frames": [{"name": "a",
     "rotation": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], "translation": [0.0, 0.0, 2.0],
     "center": [0.0, 0.0, -2.0], "silhouette_iou": 0.9, "density": 0.9}], "style": [0.5], "alpha": 1.0, "focal_factor": 1.0,
     "object_from_input": null, "silhouette_iou_mean": 0.9, "density_mean": 0.9, "iterations": 1, "seconds": {"load": 0.1},
