@@ -121,8 +121,7 @@ impl Recorder<'_> {
 
     /// What does not change: the axes, the terms' names and the frames' pictures.
     fn pictures(&self) -> Result<(), Error> {
-        let log =
-            |to: &str, what: &dyn AsComponents| self.stream.log_static(to, what).map_err(Error::other);
+        let log = |to: &str, what: &dyn AsComponents| self.stream.log_static(to, what).map_err(Error::other);
         log("object", &ViewCoordinates::RIGHT_HAND_Y_UP())?;
         log(
             OBJECTIVE,

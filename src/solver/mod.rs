@@ -29,7 +29,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Steps of the free form's stage, at most.
-const FREE_STEPS: usize = 3;
+const FREE_STEPS: usize = 4;
 
 /// Why there is no solution.
 #[derive(Debug, thiserror::Error)]
