@@ -36,7 +36,6 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = static_cast<int>(options.max_iterations);
   solver.num_threads = 1;
-  solver.function_tolerance = options.tolerance;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);

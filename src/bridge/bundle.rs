@@ -33,8 +33,6 @@ pub mod ffi {
         /// How well the focal length is known, as the standard deviation of the zoom's logarithm; 0 keeps it.
         zoom_deviation: f64,
         max_iterations: u32,
-        /// A step that gains a smaller share of the cost ends it.
-        tolerance: f64,
     }
 
     /// A pixel with depth, and the frames that see the same.

@@ -1,7 +1,7 @@
 //! What features say of the focal length, how far that can be trusted, and how it goes together with what was known.
 
 use super::StructureFromMotionError;
-use super::grow::{Reconstruction, TOLERANCE};
+use super::grow::Reconstruction;
 use crate::geometry::Vector3;
 use rayon::prelude::*;
 
@@ -72,7 +72,7 @@ impl FocalEvidence {
 /// by the jackknife ± 2, 14 and 16 %.
 pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, StructureFromMotionError> {
     let mut all = reconstruction.clone().with_free_focal();
-    all.bundle(TOLERANCE)?;
+    all.bundle()?;
     let px = all.focal_px();
     let octant = octants(&all.points().copied().collect::<Vec<_>>());
     let logs = (0..8)
@@ -80,7 +80,7 @@ pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, Str
         .map(|left_out| {
             let mut some = all.clone();
             some.keep_points(|point| octant(point) != left_out);
-            some.bundle(TOLERANCE)?;
+            some.bundle()?;
             Ok((some.focal_px() / px).ln())
         })
         .collect::<Result<Vec<f64>, StructureFromMotionError>>()?;

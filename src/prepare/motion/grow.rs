@@ -23,10 +23,6 @@ pub(super) const MIN_ANGLE_DEG: f64 = 1.5;
 const MIN_DISTANCE: f64 = 0.2;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
-/// They end where a step gains less than this share of the cost,
-pub(super) const TOLERANCE: f64 = 1e-6;
-/// and those on the way already at this.
-const GROWING_TOLERANCE: f64 = 1e-3;
 
 #[derive(Clone)]
 pub struct Reconstruction<'a> {
@@ -72,26 +68,29 @@ impl<'a> Reconstruction<'a> {
     /// With all frames that can be placed.
     pub(super) fn grown(mut self) -> Result<Self, StructureFromMotionError> {
         self.extend_points();
-        self.adjust(1, GROWING_TOLERANCE)?;
+        self.adjust(1)?;
         let mut refused = vec![false; self.poses.len()];
         while let Some(frame) = self.next(&refused) {
             if self.place(frame)? {
                 refused.fill(false);
                 self.extend_points();
-                let is_due = self.order.len() < 10 || self.order.len().is_multiple_of(4);
-                self.adjust(usize::from(is_due), GROWING_TOLERANCE)?;
+                self.adjust(if self.order.len() < 10 || self.order.len().is_multiple_of(4) {
+                    1
+                } else {
+                    0
+                })?;
             } else {
                 refused[frame] = true;
             }
         }
         // What does not fit the last frames says nothing of how well the rest does.
-        self.adjust(1, GROWING_TOLERANCE)?;
+        self.adjust(1)?;
         Ok(self)
     }
 
     /// Adjusted as a whole, with the focal length by all evidence.
     pub(super) fn finished(mut self) -> Result<Motion, StructureFromMotionError> {
-        self.adjust(ROUNDS, TOLERANCE)?;
+        self.adjust(ROUNDS)?;
         let by_features = by_features(&self)?;
         let known = self.options.focal_deviation;
         let focal_deviation = if self.free_focal {
@@ -103,7 +102,7 @@ impl<'a> Reconstruction<'a> {
             };
             let both = known.fused_with_features(by_features);
             self.zoom = both.px / self.camera.fx;
-            self.adjust(ROUNDS, TOLERANCE)?;
+            self.adjust(ROUNDS)?;
             both.deviation
         } else {
             0.0
@@ -233,9 +232,9 @@ impl<'a> Reconstruction<'a> {
     }
 
     /// So many adjustments of everything, each after throwing out what does not fit.
-    fn adjust(&mut self, rounds: usize, tolerance: f64) -> Result<(), StructureFromMotionError> {
+    fn adjust(&mut self, rounds: usize) -> Result<(), StructureFromMotionError> {
         for _ in 0..rounds {
-            self.bundle(tolerance)?;
+            self.bundle()?;
             for k in 0..self.tracks.len() {
                 let Some(point) = self.points[k] else {
                     continue;
@@ -259,8 +258,8 @@ impl<'a> Reconstruction<'a> {
         Ok(())
     }
 
-    /// Adjusts all poses and points, and the focal length if it is free, until a step gains less than `tolerance` of the cost.
-    pub fn bundle(&mut self, tolerance: f64) -> Result<(), StructureFromMotionError> {
+    /// Adjusts all poses and points, and the focal length if it is free.
+    pub fn bundle(&mut self) -> Result<(), StructureFromMotionError> {
         let mut place = vec![None; self.poses.len()];
         let mut cameras = Vec::with_capacity(6 * self.order.len());
         for (k, &frame) in self.order.iter().enumerate() {
@@ -311,7 +310,6 @@ impl<'a> Reconstruction<'a> {
                 0.0
             },
             max_iterations: 40,
-            tolerance,
         };
         bundle::adjust(&mut bundle, &options)?;
         self.zoom = bundle.zoom;
