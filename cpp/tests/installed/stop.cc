@@ -61,7 +61,7 @@ int main(int argc, char** argv) try {
   soon = EndsSoon(sequence, prior, "hypothesis", 1) && soon;
   soon = EndsSoon(sequence, prior, "hypothesis-", 60) && soon;
   soon = EndsSoon(sequence, prior, "level-2", 2) && soon;
-  soon = EndsSoon(sequence, prior, "level-0", 2) && soon;
+  soon = EndsSoon(sequence, prior, "level-1", 2) && soon;
   soon = EndsSoon(sequence, prior, "free-form", 3) && soon;
   return soon ? EXIT_SUCCESS : EXIT_FAILURE;
 } catch (const std::exception& error) {
