@@ -68,9 +68,9 @@ PointSystem::PointSystem(const Views& views, const Footage& footage, int level, 
       scales_(views),
       slots_(static_cast<size_t>(views.frame_count()), -1) {
   seen_.reserve(slots_.size());
-  free_styles_ = views.style_count();
-  for (const AxisStyles& styles : views.axis_styles()) free_styles_ -= styles.count;
-  int begin = free_styles_;
+  dense_styles_ = views.style_count();
+  for (const AxisStyles& styles : views.axis_styles()) dense_styles_ -= styles.count;
+  int begin = dense_styles_;
   for (const AxisStyles& styles : views.axis_styles()) {
     runs_.push_back({styles.axis, begin, begin + styles.count});
     begin += styles.count;
@@ -253,9 +253,9 @@ void PointSystem::Finish(NormalEquations* sums) {
     };
     batch_x_.row(at) = row(r);
     const Vector3 v = by_point_twice.row(r);
-    batch_vx_.row(at).head(free_styles_) = v[0] * row(0).head(free_styles_) +
-                                           v[1] * row(1).head(free_styles_) +
-                                           v[2] * row(2).head(free_styles_);
+    batch_vx_.row(at).head(dense_styles_) = v[0] * row(0).head(dense_styles_) +
+                                            v[1] * row(1).head(dense_styles_) +
+                                            v[2] * row(2).head(dense_styles_);
     for (const StyleRun& run : runs_) {
       batch_vx_.row(at).segment(run.begin, run.count()) =
           v[run.axis] * row(run.axis).segment(run.begin, run.count());
@@ -267,7 +267,7 @@ void PointSystem::Finish(NormalEquations* sums) {
 void PointSystem::AddRow(const Vector3& a, const double* x, double* target, Eigen::Index stride) const {
   const int styles = views_.style_count();
   const double *x0 = x, *x1 = x + styles, *x2 = x + 2 * styles;
-  for (int c = 0; c < free_styles_; ++c) target[c * stride] += a[0] * x0[c] + a[1] * x1[c] + a[2] * x2[c];
+  for (int c = 0; c < dense_styles_; ++c) target[c * stride] += a[0] * x0[c] + a[1] * x1[c] + a[2] * x2[c];
   for (const StyleRun& run : runs_) {
     const double factor = a[run.axis], *x_axis = x + run.axis * styles;
     for (int c = run.begin; c < run.end; ++c) target[c * stride] += factor * x_axis[c];
@@ -282,7 +282,7 @@ void PointSystem::AddRows(const Matrix36& a, const double* x, double* target, Ei
     double* __restrict const even = target + r * stride, * __restrict const odd = even + stride;
     const double e0 = a(0, r), e1 = a(1, r), e2 = a(2, r);
     const double o0 = a(0, r + 1), o1 = a(1, r + 1), o2 = a(2, r + 1);
-    for (int c = 0; c < free_styles_; ++c) {
+    for (int c = 0; c < dense_styles_; ++c) {
       even[c] += e0 * x0[c] + e1 * x1[c] + e2 * x2[c];
       odd[c] += o0 * x0[c] + o1 * x1[c] + o2 * x2[c];
     }
@@ -301,13 +301,13 @@ void PointSystem::FlushStyles(NormalEquations* sums) {
   for (int r = 0; r < 3; ++r) batch_vx_.middleRows(r * kBatch + batched_, kBatch - batched_).setZero();
   batched_ = 0;
   auto by_styles = sums->matrix.block(layout.style(), layout.style(), layout.styles, layout.styles);
-  if (free_styles_ > 0)
-    by_styles.topLeftCorner(free_styles_, free_styles_).triangularView<Eigen::Upper>() +=
-        batch_x_.leftCols(free_styles_).transpose() * batch_vx_.leftCols(free_styles_);
+  if (dense_styles_ > 0)
+    by_styles.topLeftCorner(dense_styles_, dense_styles_).triangularView<Eigen::Upper>() +=
+        batch_x_.leftCols(dense_styles_).transpose() * batch_vx_.leftCols(dense_styles_);
   for (const StyleRun& run : runs_) {
     // As V is symmetric, X^T (V x) = (V X)^T x.
-    by_styles.block(0, run.begin, free_styles_, run.count()).noalias() +=
-        batch_vx_.block(run.axis * kBatch, 0, kBatch, free_styles_).transpose() *
+    by_styles.block(0, run.begin, dense_styles_, run.count()).noalias() +=
+        batch_vx_.block(run.axis * kBatch, 0, kBatch, dense_styles_).transpose() *
         batch_x_.block(run.axis * kBatch, run.begin, kBatch, run.count());
     const int rest = layout.styles - run.begin;
     by_styles.block(run.begin, run.begin, run.count(), rest).noalias() +=

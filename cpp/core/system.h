@@ -151,7 +151,7 @@ class PointSystem {
   std::vector<PairBlock> pairs_;
   double alpha_gradient_ = 0.0, alpha_curvature_ = 0.0;
   // The styles before the runs move points any way.
-  int free_styles_ = 0;
+  int dense_styles_ = 0;
   std::vector<StyleRun> runs_;
   // Style by style, whose sums come in batches: sum X^T (V X) over points, X and V X stacked, axis after
   // axis.

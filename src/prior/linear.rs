@@ -117,7 +117,7 @@ impl LinearPrior {
 
     /// The axis styles' axes, and which styles they are.
     fn runs(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let mut end = self.free_style_len();
+        let mut end = self.dense_style_len();
         self.axis_styles.iter().map(move |styles| {
             let begin = end;
             end += styles.count;
@@ -126,7 +126,7 @@ impl LinearPrior {
     }
 
     /// How many styles come before the axis styles.
-    fn free_style_len(&self) -> usize {
+    fn dense_style_len(&self) -> usize {
         self.style_len - self.axis_styles.iter().map(|styles| styles.count).sum::<usize>()
     }
 
@@ -178,7 +178,7 @@ impl ShapePrior for LinearPrior {
             points.copy_from_slice(&self.mean[..points.len()]);
             return;
         }
-        let free = self.free_style_len();
+        let dense = self.dense_style_len();
         let runs: [Vec<Range<usize>>; 3] = std::array::from_fn(|axis| {
             let of_axis = self.runs().filter(|run| run.0 == axis);
             of_axis.map(|(_, styles)| styles).collect()
@@ -189,7 +189,7 @@ impl ShapePrior for LinearPrior {
                 .iter()
                 .cloned()
                 .map(|styles| dot(&row[styles.clone()], &style[styles]));
-            *out = mean + dot(&row[..free], &style[..free]) + along.sum::<f64>();
+            *out = mean + dot(&row[..dense], &style[..dense]) + along.sum::<f64>();
         }
     }
 
