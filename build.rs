@@ -28,6 +28,8 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         "objective",
         "parallel",
         "pixel_depth",
+        "posed_cameras",
+        "reprojection_block",
         "scaling",
         "shape",
         "system",

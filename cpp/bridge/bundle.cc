@@ -2,9 +2,11 @@
 
 #include <ceres/ceres.h>
 
+#include <cmath>
 #include <stdexcept>
 
-#include "core/baseline.h"
+#include "core/posed_cameras.h"
+#include "core/reprojection_block.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
 #include "spba/reprojection.h"
 
@@ -17,13 +19,17 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
     throw std::invalid_argument("six numbers a camera and three a point are needed");
   }
   const Pinhole camera{options.fx, options.fy, options.cx, options.cy};
-  ceres::Problem problem;
+  PosedCameras posed(bundle.cameras.data(), cameras);
+  ceres::CauchyLoss loss(options.loss_width);
+  ceres::Problem::Options settings;
+  settings.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  settings.evaluation_callback = &posed;
+  ceres::Problem problem(settings);
   for (const auto& seen : bundle.observations) {
     if (seen.camera >= cameras || seen.point >= points)
       throw std::invalid_argument("no such camera or point");
-    problem.AddResidualBlock(Reprojection::Create(camera, seen.x, seen.y),
-                             new ceres::CauchyLoss(options.loss_width), &bundle.cameras[6 * seen.camera],
-                             &bundle.points[3 * seen.point], &bundle.zoom);
+    problem.AddResidualBlock(new ReprojectionBlock(posed, seen.camera, camera, {seen.x, seen.y}), &loss,
+                             &bundle.cameras[6 * seen.camera], &bundle.points[3 * seen.point], &bundle.zoom);
   }
   if (bundle.observations.empty()) throw std::invalid_argument("no observation");
   if (options.zoom_deviation > 0.0) {
@@ -31,7 +37,14 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
   } else {
     problem.SetParameterBlockConstant(&bundle.zoom);
   }
-  HoldGauge(problem, bundle.cameras.data(), cameras);
+  problem.AddParameterBlock(bundle.cameras.data(), 6);
+  problem.SetParameterBlockConstant(bundle.cameras.data());
+  if (cameras > 1) {
+    double* const second = bundle.cameras.data() + 6;
+    const double baseline = std::hypot(second[3], second[4], second[5]);
+    if (!(baseline > 0.0)) throw std::invalid_argument("the second camera stands where the first does");
+    problem.AddResidualBlock(BaselinePrior::Create(baseline), nullptr, second);
+  }
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = static_cast<int>(options.max_iterations);

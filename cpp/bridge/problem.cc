@@ -44,7 +44,6 @@ Prior ToCore(rust::Box<PriorCallback> callback) {
   Prior prior;
   prior.point_count = static_cast<int>(callback->point_count());
   prior.style_count = static_cast<int>(callback->style_count());
-  prior.is_linear = callback->is_linear();
   Require(prior.point_count > 0 && prior.style_count > 0, "the prior must have points and styles");
   uint64_t axis_styles = 0;
   for (const bridge::AxisStyles& styles : callback->axis_styles()) {
@@ -54,6 +53,12 @@ Prior ToCore(rust::Box<PriorCallback> callback) {
     prior.axis_styles.push_back({static_cast<int>(styles.axis), static_cast<int>(styles.count)});
   }
   const auto shared = std::make_shared<rust::Box<PriorCallback>>(std::move(callback));
+  const rust::Slice<const double> constant = (*shared)->constant_jacobian();
+  if (!constant.empty()) {
+    Require(constant.size() == 3 * size_t(prior.point_count) * size_t(prior.style_count),
+            "the prior's constant Jacobian must have three rows a point and a column a style");
+    prior.constant_jacobian = constant.data();
+  }
   prior.points = [shared](const std::vector<double>& style, std::vector<double>* points) {
     (*shared)->points({style.data(), style.size()}, {points->data(), points->size()});
   };

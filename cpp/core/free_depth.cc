@@ -46,16 +46,7 @@ Triangle Triangular(PatchRows rows) {
 
 FreeDepthCameras::FreeDepthCameras(const Pinhole& intrinsics, const double* twists,
                                    const std::deque<ImageSampler>& images)
-    : intrinsics_(intrinsics), twists_(twists), images_(images), posed_(images.size()) {
-  Update();
-}
-
-void FreeDepthCameras::Update() {
-  for (std::size_t camera = 0; camera < posed_.size(); ++camera) {
-    const double* const twist = twists_ + 6 * camera;
-    posed_[camera] = {Twisted(Pose(), twist), LeftJacobian(Vector3(twist[0], twist[1], twist[2]))};
-  }
-}
+    : PosedCameras(twists, images.size()), intrinsics_(intrinsics), images_(images) {}
 
 FreeDepthPatch::FreeDepthPatch(const FreeDepthCameras& cameras, std::uint32_t target, double x, double y)
     : target(target), x(x), y(y) {

@@ -2,46 +2,29 @@
 #ifndef SPBA_CORE_FREE_DEPTH_H_
 #define SPBA_CORE_FREE_DEPTH_H_
 
-#include <ceres/evaluation_callback.h>
 #include <ceres/sized_cost_function.h>
 
 #include <cstdint>
 #include <deque>
 #include <vector>
 
-#include "core/geometry.h"
+#include "core/posed_cameras.h"
 #include "spba/photometric.h"
 
 namespace spba {
 
-// The cameras of an adjustment: what of a pose does not depend on the pixel is computed once an evaluation.
-// Borrows the twists and the images.
-class FreeDepthCameras : public ceres::EvaluationCallback {
+// The cameras of an adjustment and what they see. Borrows the twists and the images.
+class FreeDepthCameras : public PosedCameras {
  public:
-  struct PosedCamera {
-    Pose camera_from_world;
-    // Of the rotation.
-    Matrix3 left_jacobian;
-  };
-
   // `twists`: camera_from_world[6] of one camera after another; `images`: what they see.
   FreeDepthCameras(const Pinhole& intrinsics, const double* twists, const std::deque<ImageSampler>& images);
 
-  void PrepareForEvaluation(bool, bool new_point) override {
-    if (new_point) Update();
-  }
-  // Brings the poses up to date with the twists.
-  void Update();
-
   const Pinhole& intrinsics() const { return intrinsics_; }
-  const PosedCamera& posed(std::uint32_t camera) const { return posed_[camera]; }
   const ImageSampler& image(std::uint32_t camera) const { return images_[camera]; }
 
  private:
   const Pinhole intrinsics_;
-  const double* const twists_;
   const std::deque<ImageSampler>& images_;
-  std::vector<PosedCamera> posed_;
 };
 
 // A pixel and those around it, as the camera that has their depth sees them.

@@ -13,8 +13,9 @@ const std::vector<double>& ShapeMemory::Points(const Prior& prior, const std::ve
   return points_.values;
 }
 
-const std::vector<double>& ShapeMemory::Jacobian(const Prior& prior, const std::vector<double>& style) {
-  if (!jacobian_.known || (!prior.is_linear && jacobian_.style != style)) {
+const double* ShapeMemory::Jacobian(const Prior& prior, const std::vector<double>& style) {
+  if (prior.constant_jacobian != nullptr) return prior.constant_jacobian;
+  if (!jacobian_.known || jacobian_.style != style) {
     jacobian_.known = false;
     jacobian_.values.resize(3 * static_cast<size_t>(prior.point_count) *
                             static_cast<size_t>(prior.style_count));
@@ -22,7 +23,7 @@ const std::vector<double>& ShapeMemory::Jacobian(const Prior& prior, const std::
     jacobian_.style = style;
     jacobian_.known = true;
   }
-  return jacobian_.values;
+  return jacobian_.values.data();
 }
 
 }  // namespace spba

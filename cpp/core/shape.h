@@ -18,8 +18,9 @@ struct AxisStyles {
 // fails.
 struct Prior {
   int point_count = 0, style_count = 0;
-  // Whether the derivative is the same at every style.
-  bool is_linear = false;
+  // The derivative where it is the same at every style; `jacobian` is not called then. Lives as long as
+  // `points`.
+  const double* constant_jacobian = nullptr;
   // What the last styles are, where they are such: the derivative's rows across their axes are zero, and are
   // not looked at.
   std::vector<AxisStyles> axis_styles;
@@ -34,7 +35,7 @@ class ShapeMemory {
   // 3N entries; throws where the prior fails, and forgets the style then.
   const std::vector<double>& Points(const Prior& prior, const std::vector<double>& style);
   // 3N x S entries.
-  const std::vector<double>& Jacobian(const Prior& prior, const std::vector<double>& style);
+  const double* Jacobian(const Prior& prior, const std::vector<double>& style);
 
  private:
   struct Kept {

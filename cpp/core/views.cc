@@ -15,7 +15,7 @@ Views::Views(const Variables& variables, const Prior& prior, bool weak_perspecti
       axis_styles_(prior.axis_styles),
       points_(memory->Points(prior, variables.style)),
       weak_perspective_(weak_perspective) {
-  if (with_jacobian) jacobian_ = memory->Jacobian(prior, variables.style).data();
+  if (with_jacobian) jacobian_ = memory->Jacobian(prior, variables.style);
   frames_.reserve(variables.camera_from_object.size());
   for (const Pose& pose : variables.camera_from_object) {
     FrameView view{pose.rotation, pose.translation};

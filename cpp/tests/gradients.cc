@@ -77,6 +77,7 @@ std::vector<const double*> OfOneView(const Point& point) { return {point.p0, poi
 std::vector<const double*> OfFreeDepth(const Point& point) { return {point.p0, point.other, &kAlpha}; }
 std::vector<const double*> OfMotion(const Point& point) { return {point.p0, point.motion, &kAlpha}; }
 std::vector<const double*> OfZoom(const Point&) { return {&kAlpha}; }
+std::vector<const double*> OfPose(const Point& point) { return {point.p0}; }
 
 int Check(const std::string& name, const ceres::CostFunction& cost, const std::vector<Point>& points,
           Parameters parameters_of) {
@@ -143,6 +144,7 @@ int main() {
       {"reprojection", Cost(spba::Reprojection::Create(kCamera, 30.5, 20.5)), OfOneView},
   };
   int failures = Check("zoom prior", *Cost(spba::ZoomPrior::Create(0.05)), Points(), OfZoom);
+  failures += Check("baseline prior", *Cost(spba::BaselinePrior::Create(1.7)), Points(), OfPose);
   const spba::MotionError motion{{0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}, {0.3, -0.2, 0.1}};
   failures += Check("motion", *Cost(spba::MotionCost::Create(motion)), Points(), OfMotion);
   for (const auto& [name, cost, parameters_of] : cases) {

@@ -63,16 +63,21 @@ inline Prior Ball(bool bent, const std::vector<AxisStyles>& along_axes = {}) {
   Prior prior;
   prior.point_count = kPoints;
   prior.style_count = kStyles;
-  prior.is_linear = !bent;
   prior.axis_styles = along_axes;
-  prior.points = [point](const std::vector<double>& s, std::vector<double>* points) {
-    double ignored[3 * kStyles];
-    for (int j = 0; j < kPoints; ++j) point(j, s, &(*points)[3 * static_cast<size_t>(j)], ignored);
-  };
   prior.jacobian = [point](const std::vector<double>& s, std::vector<double>* jacobian) {
     double ignored[3];
     for (int j = 0; j < kPoints; ++j)
       point(j, s, ignored, &(*jacobian)[3 * kStyles * static_cast<size_t>(j)]);
+  };
+  const auto constant = std::make_shared<std::vector<double>>();
+  if (!bent) {
+    constant->resize(3 * kPoints * kStyles);
+    prior.jacobian(std::vector<double>(kStyles), constant.get());
+    prior.constant_jacobian = constant->data();
+  }
+  prior.points = [point, constant](const std::vector<double>& s, std::vector<double>* points) {
+    double ignored[3 * kStyles];
+    for (int j = 0; j < kPoints; ++j) point(j, s, &(*points)[3 * static_cast<size_t>(j)], ignored);
   };
   return prior;
 }

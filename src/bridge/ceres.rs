@@ -286,8 +286,8 @@ pub mod ffi {
         fn point_count(self: &PriorCallback) -> usize;
         /// The number of style entries S.
         fn style_count(self: &PriorCallback) -> usize;
-        /// Whether the Jacobian is the same at every style.
-        fn is_linear(self: &PriorCallback) -> bool;
+        /// The Jacobian where it is the same at every style, else nothing.
+        fn constant_jacobian(self: &PriorCallback) -> Result<&[f64]>;
         fn axis_styles(self: &PriorCallback) -> Vec<AxisStyles>;
         fn points(self: &PriorCallback, style: &[f64], points: &mut [f64]) -> Result<()>;
         fn jacobian(self: &PriorCallback, style: &[f64], jacobian: &mut [f64]) -> Result<()>;
@@ -389,8 +389,11 @@ impl PriorCallback {
         self.prior.style_len()
     }
 
-    fn is_linear(&self) -> bool {
-        self.prior.is_linear()
+    fn constant_jacobian(&self) -> Result<&[f64], String> {
+        let whole = guarded("the shape prior", || self.prior.constant_jacobian())?.unwrap_or_default();
+        let of_points = &whole[..whole.len().min(3 * self.points * self.prior.style_len())];
+        finite("the shape prior's Jacobian", of_points)?;
+        Ok(of_points)
     }
 
     fn axis_styles(&self) -> Vec<ffi::AxisStyles> {

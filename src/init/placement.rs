@@ -14,6 +14,9 @@ const MIN_DEPTH: f64 = 0.55;
 /// Rounds of matching bounding boxes, which works from anywhere, then areas and centroids, which is exact.
 const BOX_ROUNDS: usize = 4;
 const AREA_ROUNDS: usize = 5;
+/// The latter end where the centroid is moved by less, and the size changed by less.
+const PLACED_PX: f64 = 0.2;
+const PLACED_RATIO: f64 = 0.002;
 /// Rounds of fitting translation and α to all frames.
 const JOINT_ROUNDS: usize = 4;
 /// How strongly the joint fit holds on to its present α, as a share of what the centroids say per frame: decides
@@ -157,6 +160,9 @@ impl Evidence {
             let shift = goal - frame.centroid_px(&rendered)?;
             let ratio = (f64::from(rendered.area()) / f64::from(frame.mask.area())).sqrt();
             translation = moved(camera, &translation, &shift, ratio);
+            if shift.norm() < PLACED_PX && (ratio - 1.0).abs() < PLACED_RATIO {
+                break;
+            }
         }
         translation.iter().all(|x| x.is_finite()).then_some(translation)
     }

@@ -165,8 +165,8 @@ impl ShapePrior for LearnedPrior {
         self.output.points(&self.features(style).0, points);
     }
 
-    fn is_linear(&self) -> bool {
-        self.hidden.is_empty()
+    fn constant_jacobian(&self) -> Option<&[f64]> {
+        self.hidden.is_empty().then(|| self.output.basis())
     }
 
     fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {

@@ -197,8 +197,8 @@ impl ShapePrior for LinearPrior {
         jacobian.copy_from_slice(&self.basis[..jacobian.len()]);
     }
 
-    fn is_linear(&self) -> bool {
-        true
+    fn constant_jacobian(&self) -> Option<&[f64]> {
+        Some(&self.basis)
     }
 
     fn axis_styles(&self) -> &[AxisStyles] {

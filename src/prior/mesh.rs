@@ -212,27 +212,34 @@ pub(super) fn body_box(vertices: &[V3], faces: &[[u32; 3]], beyond: f64) -> Opti
         return None;
     }
     let (mut low, mut high) = (V3::zeros(), V3::zeros());
-    let mut order: Vec<usize> = (0..faces.len()).collect();
     for axis in 0..3 {
-        order.sort_by(|&a, &b| middles[a][axis].total_cmp(&middles[b][axis]));
-        low[axis] = middles[first_beyond(order.iter(), &areas, beyond * total)?][axis];
-        high[axis] = middles[first_beyond(order.iter().rev(), &areas, beyond * total)?][axis];
+        let along = |sign: f64| {
+            middles
+                .iter()
+                .map(move |middle| sign * middle[axis])
+                .zip(areas.iter().copied())
+        };
+        low[axis] = first_beyond(along(1.0).collect(), beyond * total)?;
+        high[axis] = -first_beyond(along(-1.0).collect(), beyond * total)?;
     }
     Some((low, high))
 }
 
-/// The first of the faces in `order` before which, with itself, there is more than `area`.
-fn first_beyond<'a>(
-    mut order: impl Iterator<Item = &'a usize>,
-    areas: &[f64],
-    mut area: f64,
-) -> Option<usize> {
-    order
-        .find(|&&face| {
-            area -= areas[face];
-            area < 0.0
-        })
-        .copied()
+/// The least coordinate up to which there is more than `area`, of faces' coordinates and areas.
+fn first_beyond(mut faces: Vec<(f64, f64)>, mut area: f64) -> Option<f64> {
+    let mut rest = &mut faces[..];
+    while rest.len() > 1 {
+        let middle = rest.len() / 2;
+        let (below, _, _) = rest.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0));
+        let area_below: f64 = below.iter().map(|face| face.1).sum();
+        rest = if area < area_below {
+            &mut rest[..middle]
+        } else {
+            area -= area_below;
+            &mut rest[middle..]
+        };
+    }
+    rest.first().filter(|face| area < face.1).map(|face| face.0)
 }
 
 /// Writes an OBJ file.

@@ -70,9 +70,9 @@ pub trait ShapePrior: Send + Sync {
     /// ∂X/∂s at `style`: fills `jacobian` (rows x0 y0 z0 x1 …, S columns, row-major), for the same prefix.
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]);
 
-    /// Whether that is the same at every style.
-    fn is_linear(&self) -> bool {
-        false
+    /// ∂X/∂s of all N points where it is the same at every style, laid out as by [`ShapePrior::jacobian`].
+    fn constant_jacobian(&self) -> Option<&[f64]> {
+        None
     }
 
     /// What the last styles are, run after run, where each moves every point along one axis of the object alone, as the modes of a free

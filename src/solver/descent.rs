@@ -34,11 +34,18 @@ pub(super) struct Route<'a> {
     pub goes_on: bool,
 }
 
+/// The objective at full resolution, under its own visibility.
+pub(super) fn judge(
+    objective: &mut Objective,
+    estimate: &Estimate,
+) -> Result<(ObjectiveValue, Visibility), ObjectiveError> {
+    let visibility = objective.visibility(estimate, 0)?;
+    Ok((objective.evaluate(estimate, &visibility)?, visibility))
+}
+
 /// What one descent did.
 pub(super) struct Descent {
     pub estimate: Estimate,
-    pub start: ObjectiveValue,
-    pub end: ObjectiveValue,
     pub evaluations: Evaluations,
     pub iterations: usize,
     pub termination: Termination,
@@ -59,11 +66,9 @@ pub(super) fn descend(
 ) -> Result<Descent, ObjectiveError> {
     let clock = CpuClock::start(options.threads);
     let camera_from_input: Vec<Option<Pose>> = sequence.frames.iter().map(|f| f.camera_from_input).collect();
-    let mut visibility = objective.visibility(start, 0)?;
+    let mut last_visibility: Option<Visibility> = None;
     let mut descent = Descent {
         estimate: start.clone(),
-        start: objective.evaluate(start, &visibility)?,
-        end: ObjectiveValue::default(),
         evaluations: Evaluations::default(),
         iterations: 0,
         termination: Termination::StepLimit,
@@ -82,7 +87,11 @@ pub(super) fn descend(
         let mut stall = StallDetector::new(tolerance);
         for step in 0..route.placing_steps + options.max_steps {
             let placing = step < route.placing_steps;
-            visibility = objective.next_visibility(&descent.estimate, level, &visibility)?;
+            let visibility = match &last_visibility {
+                None => objective.visibility(&descent.estimate, level)?,
+                Some(last) => objective.next_visibility(&descent.estimate, level, last)?,
+            };
+            let visibility = &*last_visibility.insert(visibility);
             // As the calls themselves see it: at the step's start, and at its end.
             let (mut before, mut after) = (None, f64::INFINITY);
             let mut is_stalled = false;
@@ -95,7 +104,7 @@ pub(super) fn descend(
                 let stage = format!("{}level-{level}", route.stage);
                 let is_stopped = descent.minimise(
                     objective,
-                    &visibility,
+                    visibility,
                     block,
                     (options, &mut minimisers),
                     &mut |iteration, so_far| {
@@ -146,7 +155,6 @@ pub(super) fn descend(
             }
         }
     }
-    descent.end = objective.evaluate(&descent.estimate, &objective.visibility(&descent.estimate, 0)?)?;
     descent.trace = progress.take_trace();
     descent.cpu_seconds = clock.seconds();
     Ok(descent)

@@ -2,7 +2,7 @@
 
 use crate::geometry::Pose;
 use crate::init::Estimate;
-use crate::objective::{Objective, ObjectiveError};
+use crate::objective::{Objective, ObjectiveError, Visibility};
 use crate::prior::{FrameDerivative, ShapePrior};
 use nalgebra::{DMatrix, Matrix3, Matrix6, OMatrix, U3, U6};
 
@@ -31,12 +31,13 @@ pub struct CameraDeviation {
 impl Deviations {
     /// Of `found`, the minimum of `objective` in the prior's frame, whose style is (s, g) with `styles` entries in s. A focal length that the
     /// objective holds counts as known. `None` where the style has no weight, so that there is no unit, and where the objective does not
-    /// hold every pose and coordinate.
+    /// hold every pose and coordinate. `visibility` is that of `found`, at full resolution.
     ///
     /// # Errors
     /// A failing objective.
     pub(crate) fn at(
         objective: &mut Objective,
+        visibility: &Visibility,
         prior: &dyn ShapePrior,
         found: &Estimate,
         styles: usize,
@@ -47,8 +48,7 @@ impl Deviations {
         if style_weight <= 0.0 {
             return Ok(None);
         }
-        let visibility = objective.visibility(found, 0)?;
-        let (gradient, normal_matrix) = objective.differentiate(found, &visibility)?;
+        let (gradient, normal_matrix) = objective.differentiate(found, visibility)?;
         let count = gradient.len();
         let first_style = 6 * found.frame_count();
         let coordinates = found.style.len();

@@ -23,7 +23,7 @@ pub use solution::{
 use crate::init::{Estimate, Initialisation};
 use crate::objective::{Footage, Objective, ObjectiveError, ObjectiveOptions, Pairs};
 use crate::prior::{InvalidPrior, ShapePrior};
-use descent::{Route, descend};
+use descent::{Route, descend, judge};
 use progress::Progress;
 use std::sync::Arc;
 use std::time::Instant;
@@ -217,9 +217,10 @@ fn free(
         &mut Progress::new(observer),
     )?;
     let mut estimate = descent.estimate;
+    let (objective_end, visibility) = judge(&mut objective, &estimate)?;
     let deviations = match descent.termination {
         Termination::Interrupted => None,
-        _ => Deviations::at(&mut objective, prior.as_ref(), &estimate, styles)?,
+        _ => Deviations::at(&mut objective, &visibility, prior.as_ref(), &estimate, styles)?,
     };
     let free_form = estimate.style.split_off(styles.min(estimate.style.len()));
     let seconds = [
@@ -230,7 +231,7 @@ fn free(
         estimate,
         free_form,
         deviations,
-        objective_end: descent.end,
+        objective_end,
         evaluations: solution.evaluations.plus(descent.evaluations),
         iterations: solution.iterations + descent.iterations,
         termination: descent.termination,
@@ -259,7 +260,8 @@ fn judged(
         found,
         options.threads,
     )?;
-    let deviations = Deviations::at(&mut objective, prior.as_ref(), found, styles)?;
+    let visibility = objective.visibility(found, 0)?;
+    let deviations = Deviations::at(&mut objective, &visibility, prior.as_ref(), found, styles)?;
     Ok(Solution {
         deviations,
         ..solution
@@ -290,8 +292,7 @@ fn unrefined(
         start,
         options.threads,
     )?;
-    let visibility = objective.visibility(start, 0)?;
-    let objective = objective.evaluate(start, &visibility)?;
+    let (objective, _) = judge(&mut objective, start)?;
     Ok(Solution {
         estimate: start.clone(),
         free_form: Vec::new(),
@@ -356,6 +357,7 @@ pub fn refine(
         levels: &levels,
         goes_on,
     };
+    let (objective_start, _) = judge(&mut objective, &start)?;
     let descent = descend(
         &mut objective,
         footage.sequence(),
@@ -365,13 +367,14 @@ pub fn refine(
         &route,
         &mut Progress::new(observer),
     )?;
+    let (objective_end, _) = judge(&mut objective, &descent.estimate)?;
     Ok(Solution {
         estimate: descent.estimate,
         free_form: Vec::new(),
         deviations: None,
         canonical_from_shape: None,
-        objective_start: descent.start,
-        objective_end: descent.end,
+        objective_start,
+        objective_end,
         evaluations: descent.evaluations,
         iterations: descent.iterations,
         termination: descent.termination,

@@ -1,6 +1,6 @@
 //! Short solves from every start, of which the best goes on.
 
-use super::descent::{Route, descend};
+use super::descent::{Route, descend, judge};
 use super::progress::{Observer, Progress};
 use super::{Evaluation, SolveError, SolverOptions, TraceRow};
 use crate::geometry::Pose;
@@ -17,9 +17,9 @@ const HYPOTHESIS_POINTS: usize = 2048;
 /// It is judged on this many of the frames; the others follow.
 const HYPOTHESIS_FRAMES: usize = 12;
 /// Steps of a short solve that move the pose alone, and then those that move all variables, round by round.
-const SHORT_SOLVE_STEPS: [(usize, usize); 3] = [(3, 0), (0, 2), (0, 3)];
+const SHORT_SOLVE_STEPS: [(usize, usize); 3] = [(2, 0), (1, 2), (0, 3)];
 /// Ceres iterations of each of them.
-const SHORT_SOLVE_ITERATIONS: u32 = 5;
+const SHORT_SOLVE_ITERATIONS: u32 = 4;
 /// [`SolverOptions::tolerance`] of a short solve.
 const SHORT_SOLVE_TOLERANCE: f64 = 3e-3;
 
@@ -226,6 +226,9 @@ impl Trial {
         options: &SolverOptions,
         observer: &Observer,
     ) -> Result<(), SolveError> {
+        if self.trace.is_empty() {
+            self.objectives.0 = judge(objective, &self.estimate)?.0.total;
+        }
         let descent = descend(
             objective,
             footage.sequence(),
@@ -235,10 +238,7 @@ impl Trial {
             route,
             &mut Progress::new(observer),
         )?;
-        if self.trace.is_empty() {
-            self.objectives.0 = descent.start.total;
-        }
-        self.objectives.1 = descent.end.total;
+        self.objectives.1 = judge(objective, &descent.estimate)?.0.total;
         self.estimate = descent.estimate;
         self.trace.extend(descent.trace);
         self.cpu_seconds += descent.cpu_seconds;

@@ -79,7 +79,7 @@ unsafe extern "C" fn spba_prior_point_count(prior: *const Prior) -> u32 {
 #[unsafe(no_mangle)]
 unsafe extern "C" fn spba_prior_is_linear(prior: *const Prior) -> i32 {
     // SAFETY: as of the module above.
-    unsafe { prior.as_ref() }.map_or(0, |prior| i32::from(prior.0.is_linear()))
+    unsafe { prior.as_ref() }.map_or(0, |prior| i32::from(prior.0.constant_jacobian().is_some()))
 }
 
 #[unsafe(no_mangle)]

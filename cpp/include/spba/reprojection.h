@@ -60,6 +60,32 @@ class ZoomPrior {
   double deviation_;
 };
 
+// The unit of length of what is seen up to its size: residual[1] = log(|t| / length) / kDeviation of
+// camera_from_world[6] = [omega; t]. Nothing else depends on the size, so that it ends at 0. A manifold would
+// say the same, but Ceres eliminates points faster where every camera has as many variables.
+class BaselinePrior {
+ public:
+  explicit BaselinePrior(double length) : length_(length) {}
+
+  static ceres::CostFunction* Create(double length) {
+    return new ceres::AutoDiffCostFunction<BaselinePrior, 1, 6>(new BaselinePrior(length));
+  }
+
+  template <typename T>
+  bool operator()(const T* camera_from_world, T* residual) const {
+    using std::log;
+    const T* const t = camera_from_world + 3;
+    const T square = t[0] * t[0] + t[1] * t[1] + t[2] * t[2];
+    if (!(square > T(0.0))) return false;
+    residual[0] = log(square / (length_ * length_)) / (2.0 * kDeviation);
+    return true;
+  }
+
+ private:
+  static constexpr double kDeviation = 1e-3;
+  double length_;
+};
+
 }  // namespace spba
 
 #endif  // SPBA_REPROJECTION_H_

@@ -7,7 +7,8 @@ use nalgebra::DMatrix;
 fn deviations(options: &ObjectiveOptions, at: &Estimate) -> Option<Deviations> {
     let sequence = sequence(at.frame_count());
     let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), options, at);
-    Deviations::at(&mut setting.objective, &Blob::new(600), at, 4).unwrap()
+    let visibility = setting.objective.visibility(at, 0).unwrap();
+    Deviations::at(&mut setting.objective, &visibility, &Blob::new(600), at, 4).unwrap()
 }
 
 /// The covariance of the first `count` variables, the others known, in units of a style's weight of 2.
