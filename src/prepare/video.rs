@@ -151,7 +151,7 @@ fn movie_header(file: &Path) -> Option<Vec<u8>> {
 }
 
 #[cfg(test)]
-#[path = "../../tests/fixture/movie.rs"]
+#[path = "../../tests/all/fixture/movie.rs"]
 mod movie;
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ mod draft;
 mod error;
 mod examine;
 #[cfg(test)]
-#[path = "../../tests/fixture/mod.rs"]
+#[path = "../../tests/all/fixture/mod.rs"]
 mod fixture;
 pub mod folder;
 mod openmvs;

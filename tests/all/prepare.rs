@@ -1,6 +1,5 @@
 //! `spba-ceres prepare`: the bundled sequence's pictures alone, against its truth; and inputs that cannot be prepared.
 #![cfg(feature = "vision")]
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use image::codecs::jpeg::JpegEncoder;

@@ -1,7 +1,5 @@
 //! `reproduce` and `compare`, quick: every table and figure is made, from records that are kept.
 
-#![allow(clippy::unwrap_used)]
-
 use assert_cmd::Command;
 use std::path::Path;
 

@@ -1,7 +1,5 @@
 //! `compare`, quick: minimisers of the user's own choice on a small sequence; what cannot be compared is refused by name.
 
-#![allow(clippy::unwrap_used)]
-
 use assert_cmd::Command;
 use serde_json::Value;
 use spba_ceres::study::MinimiserSettings;

@@ -1,9 +1,7 @@
 //! The bundled sequence from perturbed poses: does the solver find back, and how far?
 //!
 //! The figures for all 20 seeds:
-//! `cargo test --release --test perturbed -- --ignored --nocapture`
-
-#![allow(clippy::unwrap_used)]
+//! `cargo test --release perturbed -- --ignored --nocapture`
 
 use rayon::prelude::*;
 use spba_ceres::config::Config;

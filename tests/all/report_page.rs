@@ -1,5 +1,4 @@
 //! `report.html` of results of points and of surfaces: made anew by `report`, and used in headless Chromium as a person would.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
@@ -75,7 +74,7 @@ fn pages_open_and_can_be_used() {
         return;
     }
     let status = std::process::Command::new("python3")
-        .arg(root().join("tests/report_page.py"))
+        .arg(root().join("tests/all/report_page.py"))
         .args([Path::new(CHROMIUM), home.path()])
         .args(folders.iter().map(|folder| folder.join("report.html")))
         .status()

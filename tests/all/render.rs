@@ -1,5 +1,4 @@
 //! `render --benchmark` makes the folders that are missing, and only those.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use std::path::Path;

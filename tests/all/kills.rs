@@ -1,6 +1,5 @@
 //! Programs that are killed or run out of disk: the old result or the new one, never half, and nothing left but what the next run removes.
 #![cfg(feature = "vision")]
-#![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,5 @@
 //! `solve` on input, options and priors that cannot be used: one line that names what is wrong and how to mend it, exit
 //! status 1, no output folder. And on input that can: the same bytes twice.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};

@@ -1,16 +1,15 @@
 //! The programs in `examples/` run on the bundled sequence, and say what they should.
-#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 
 #[allow(dead_code)]
-#[path = "../examples/evaluate.rs"]
+#[path = "../../examples/evaluate.rs"]
 mod evaluate;
 #[allow(dead_code)]
-#[path = "../examples/objective.rs"]
+#[path = "../../examples/objective.rs"]
 mod objective;
 #[allow(dead_code)]
-#[path = "../examples/solve.rs"]
+#[path = "../../examples/solve.rs"]
 mod solve;
 
 #[test]

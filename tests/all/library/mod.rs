@@ -1,7 +1,5 @@
 //! libspba as a C++ stack has it: installed, moved, found by CMake and by pkg-config, and fed from memory.
 
-#![allow(clippy::unwrap_used)]
-
 mod frames;
 mod package;
 mod samples;

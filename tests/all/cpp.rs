@@ -1,8 +1,6 @@
 //! The C++ by itself: compiled against Ceres and Eigen, the headers as a C++ stack sees them, and run under
 //! sanitizers.
 
-#![allow(clippy::unwrap_used)]
-
 use std::fs::File;
 use std::path::Path;
 use std::process::Command;
@@ -49,6 +47,11 @@ fn every_functors_derivative_is_that_of_its_value() {
 #[test]
 fn free_depth_blocks_have_the_sums_of_their_functor() {
     compile_and_run("free_depth", MEMORY);
+}
+
+#[test]
+fn reprojection_blocks_have_the_derivatives_of_their_functor() {
+    compile_and_run("bundle", MEMORY);
 }
 
 #[test]

@@ -1,5 +1,4 @@
 //! What the library is built of may be built into any program.
-#![allow(clippy::unwrap_used)]
 
 use std::process::Command;
 

@@ -1,8 +1,6 @@
 //! What tools and people leave in a workspace: taken as it is meant, or told.
-#![allow(clippy::unwrap_used)]
 
-mod fixture;
-
+use crate::fixture;
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,5 @@
 //! A prior made elsewhere.
 
-#![allow(clippy::unwrap_used)]
-
 use spba_ceres::prior::{self, ShapePrior};
 use std::path::Path;
 use std::process::Command;

@@ -1,5 +1,4 @@
 //! `spba-ceres eval` as a user runs it.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use serde_json::Value;

@@ -1,7 +1,6 @@
 //! What `inspect` prints.
-#![allow(clippy::unwrap_used)]
 
-mod fixture;
+use crate::fixture;
 
 fn inspect(arguments: &[&str], folder: &std::path::Path) -> String {
     let output = assert_cmd::Command::cargo_bin("spba-ceres")

@@ -1,10 +1,8 @@
 //! Every kind of bad input: one line that names file, field and mend, exit status 1, nothing left behind.
 //!
 //! Each test makes a small valid input, breaks one thing and runs the program.
-#![allow(clippy::unwrap_used)]
 
-mod fixture;
-
+use crate::fixture;
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 

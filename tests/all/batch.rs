@@ -1,5 +1,4 @@
 //! `batch`: a list of sequences is solved, gone on with, and told in a table; lists that cannot be used are refused by name.
-#![allow(clippy::unwrap_used)]
 
 use assert_cmd::Command;
 use std::path::Path;

@@ -1,5 +1,4 @@
 //! What the documents say of files, headings, constants and their own length holds.
-#![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
 use std::fs;
