@@ -8,8 +8,7 @@ use spba_ceres::init::Estimate;
 use spba_ceres::sequence::Truth;
 use std::path::Path;
 
-#[path = "../fixture/mod.rs"]
-mod fixture;
+use crate::fixture;
 mod platform;
 mod rendered;
 
