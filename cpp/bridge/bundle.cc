@@ -2,9 +2,9 @@
 
 #include <ceres/ceres.h>
 
-#include <cmath>
 #include <stdexcept>
 
+#include "core/baseline.h"
 #include "core/posed_cameras.h"
 #include "core/reprojection_block.h"
 #include "spba-ceres/src/bridge/bundle.rs.h"
@@ -37,14 +37,7 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
   } else {
     problem.SetParameterBlockConstant(&bundle.zoom);
   }
-  problem.AddParameterBlock(bundle.cameras.data(), 6);
-  problem.SetParameterBlockConstant(bundle.cameras.data());
-  if (cameras > 1) {
-    double* const second = bundle.cameras.data() + 6;
-    const double baseline = std::hypot(second[3], second[4], second[5]);
-    if (!(baseline > 0.0)) throw std::invalid_argument("the second camera stands where the first does");
-    problem.AddResidualBlock(BaselinePrior::Create(baseline), nullptr, second);
-  }
+  HoldGauge(problem, bundle.cameras.data(), cameras);
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = static_cast<int>(options.max_iterations);

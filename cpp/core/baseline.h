@@ -3,18 +3,23 @@
 
 #include <ceres/ceres.h>
 
+#include <cmath>
 #include <cstddef>
+#include <stdexcept>
+
+#include "spba/reprojection.h"
 
 namespace spba {
 
-// `cameras`: camera_from_world[6], one after another. The first is the frame of the world, its distance to
-// the second the unit of length.
+// `cameras`: camera_from_world[6], one after another, those that see something in `problem`. The first is the
+// frame of the world, its distance to the second the unit of length.
 inline void HoldGauge(ceres::Problem& problem, double* cameras, std::size_t count) {
   if (problem.HasParameterBlock(cameras)) problem.SetParameterBlockConstant(cameras);
-  if (count > 1 && problem.HasParameterBlock(cameras + 6)) {
-    using Baseline = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
-    problem.SetManifold(cameras + 6, new Baseline);
-  }
+  double* const second = cameras + 6;
+  if (count < 2 || !problem.HasParameterBlock(second)) return;
+  const double baseline = std::hypot(second[3], second[4], second[5]);
+  if (!(baseline > 0.0)) throw std::invalid_argument("the second camera stands where the first does");
+  problem.AddResidualBlock(BaselinePrior::Create(baseline), nullptr, second);
 }
 
 }  // namespace spba
