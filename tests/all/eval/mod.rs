@@ -1,5 +1,6 @@
 //! `spba-ceres eval` as a user runs it.
 
+use crate::fixture;
 use assert_cmd::Command;
 use serde_json::Value;
 use spba_ceres::geometry::{Pose, Rotation3, Vector3};
@@ -8,7 +9,6 @@ use spba_ceres::init::Estimate;
 use spba_ceres::sequence::Truth;
 use std::path::Path;
 
-use crate::fixture;
 mod platform;
 mod rendered;
 
