@@ -88,3 +88,78 @@ pub mod ffi {
         fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<f64>;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::ffi::{Bundle, BundleOptions, Observation, adjust};
+    use crate::geometry::{Pinhole, Pose, Vector3};
+    use nalgebra::Vector6;
+
+    #[test]
+    fn the_first_camera_and_the_distance_to_the_second_stay() {
+        let camera = Pinhole {
+            fx: 300.0,
+            fy: 300.0,
+            cx: 160.0,
+            cy: 120.0,
+        };
+        // The first camera is the frame of the world.
+        let poses: Vec<Pose> = (0..4)
+            .map(|l| 0.3 * f64::from(l))
+            .map(|l| Pose::from_twist(&Vector6::new(0.1 * l, -l, 0.02 * l, 2.7 * l, 0.3 * l, 0.6 * l)))
+            .collect();
+        let share = |i: usize, prime: f64| (i as f64 * prime).fract() - 0.5;
+        let points: Vec<Vector3<f64>> = (0..40)
+            .map(|i| Vector3::new(share(i, 0.819), share(i, 0.671), 3.0 + share(i, 0.549)))
+            .collect();
+        let mut observations = Vec::new();
+        for (k, pose) in poses.iter().enumerate() {
+            for (i, point) in points.iter().enumerate() {
+                let pixel = camera.project(&pose.transform(point)).unwrap();
+                observations.push(Observation {
+                    camera: k as u32,
+                    point: i as u32,
+                    // Not quite where it is seen, so that nothing fits exactly.
+                    x: pixel.x + 0.2 * share(7 * i + k, 0.317),
+                    y: pixel.y + 0.2 * share(5 * i + k, 0.731),
+                });
+            }
+        }
+        // Points are taken for nearer than they are: a smaller world would fit them as well.
+        let start = Bundle {
+            cameras: poses
+                .iter()
+                .flat_map(|pose| pose.to_twist().as_slice().to_vec())
+                .collect(),
+            points: points
+                .iter()
+                .flat_map(|point| (0.8 * point).as_slice().to_vec())
+                .collect(),
+            zoom: 1.0,
+            observations,
+        };
+        let mut bundle = start.clone();
+        let options = BundleOptions {
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            loss_width: 2.0,
+            zoom_deviation: 0.0,
+            max_iterations: 40,
+        };
+        adjust(&mut bundle, &options).unwrap();
+        assert_eq!(bundle.cameras[..6], start.cameras[..6]);
+        assert_eq!(bundle.zoom, 1.0);
+        let baseline = |bundle: &Bundle| Vector3::from_column_slice(&bundle.cameras[9..12]).norm();
+        assert!((baseline(&bundle) / baseline(&start) - 1.0).abs() < 1e-6);
+        for (found, point) in bundle.points.chunks_exact(3).zip(&points) {
+            let off = (Vector3::from_column_slice(found) - point).norm();
+            assert!(off < 0.02, "{off}");
+        }
+        // Cameras in one place leave no unit of length.
+        bundle.cameras[9..12].fill(0.0);
+        let refused = adjust(&mut bundle, &options).unwrap_err();
+        assert!(refused.what().contains("second camera"), "{}", refused.what());
+    }
+}
