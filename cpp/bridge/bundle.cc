@@ -37,7 +37,7 @@ double adjust(Bundle& bundle, const BundleOptions& options) {
   } else {
     problem.SetParameterBlockConstant(&bundle.zoom);
   }
-  HoldGauge(problem, bundle.cameras.data(), cameras);
+  if (cameras > 1) HoldGauge(problem, &bundle.cameras[0], &bundle.cameras[6]);
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = static_cast<int>(options.max_iterations);

@@ -156,11 +156,14 @@ void AdjustFreeDepth(std::vector<double>& twists, std::vector<FreeDepthPixel>& p
     }
   }
   if (problem.NumResidualBlocks() == 0) return;
+  std::vector<double*> seeing;
   for (std::size_t camera = 0; camera < images.size(); ++camera) {
     double* const twist = &twists[6 * camera];
-    if (problem.HasParameterBlock(twist)) ordering->AddElementToGroup(twist, 1);
+    if (!problem.HasParameterBlock(twist)) continue;
+    ordering->AddElementToGroup(twist, 1);
+    seeing.push_back(twist);
   }
-  HoldGauge(problem, twists.data(), images.size());
+  HoldGauge(problem, seeing.front(), FarthestFromFirst(seeing));
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.linear_solver_ordering = ordering;

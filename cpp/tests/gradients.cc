@@ -144,7 +144,8 @@ int main() {
       {"reprojection", Cost(spba::Reprojection::Create(kCamera, 30.5, 20.5)), OfOneView},
   };
   int failures = Check("zoom prior", *Cost(spba::ZoomPrior::Create(0.05)), Points(), OfZoom);
-  failures += Check("baseline prior", *Cost(spba::BaselinePrior::Create(1.7)), Points(), OfPose);
+  const double from_point[3] = {0.3, -0.4, 0.2};
+  failures += Check("distance prior", *Cost(spba::DistancePrior::Create(from_point, 1.7)), Points(), OfPose);
   const spba::MotionError motion{{0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}, {0.3, -0.2, 0.1}};
   failures += Check("motion", *Cost(spba::MotionCost::Create(motion)), Points(), OfMotion);
   for (const auto& [name, cost, parameters_of] : cases) {

@@ -66,8 +66,8 @@ pub mod ffi {
         include!("bridge/free_depth.h");
 
         /// Minimises what `pixels` look unlike in the frames that see them, over their inverse depths and `cameras` (camera_from_world,
-        /// six numbers each); the first camera stays where it is, and the second as far from it. `images`: of every camera, RGB, row-major,
-        /// one after another.
+        /// six numbers each). Of those that see something, the first stays where it is, and the one farthest from it as far. `images`: of
+        /// every camera, RGB, row-major, one after another.
         fn adjust_photometric(
             cameras: &mut [f64],
             pixels: &mut Vec<FreePixel>,
@@ -91,7 +91,9 @@ pub mod ffi {
 
 #[cfg(test)]
 mod tests {
-    use super::ffi::{Bundle, BundleOptions, Observation, adjust};
+    use super::ffi::{
+        Bundle, BundleOptions, FreePixel, Observation, PhotometricOptions, adjust, adjust_photometric,
+    };
     use crate::geometry::{Pinhole, Pose, Vector3};
     use nalgebra::Vector6;
 
@@ -161,5 +163,108 @@ mod tests {
         bundle.cameras[9..12].fill(0.0);
         let refused = adjust(&mut bundle, &options).unwrap_err();
         assert!(refused.what().contains("second camera"), "{}", refused.what());
+    }
+
+    /// Reconstructions start with any pair of frames, so that the frame of the world is any camera's.
+    #[test]
+    fn photometric_adjustment_holds_the_first_and_the_farthest_camera() {
+        let (width, height) = (96u32, 64u32);
+        let camera = Pinhole {
+            fx: 80.0,
+            fy: 80.0,
+            cx: 48.0,
+            cy: 32.0,
+        };
+        // Of the second camera's axes, a surface with waves, and its colours.
+        let surface = |x: f64, y: f64| 4.0 + 0.4 * (1.7 * x + 0.3).sin() * (1.3 * y).cos();
+        let colour = |at: Vector3<f64>| {
+            let wave = |a: f64, b: f64| 120.0 + 90.0 * (a * at.x + b * at.y).sin();
+            [wave(3.0, 1.0), wave(-1.0, 2.5), wave(2.0, -2.0)]
+        };
+        let centres = [-0.35, 0.0, 0.45];
+        let seen = |k: usize, column: f64, row: f64| {
+            let ray = camera.unproject(&nalgebra::Vector2::new(column, row), 1.0);
+            let centre = Vector3::x() * centres[k];
+            let z = (0..60).fold(4.0, |z, _| {
+                let at = centre + z * ray;
+                surface(at.x, at.y)
+            });
+            (centre + z * ray, z)
+        };
+        let mut images = Vec::new();
+        for k in 0..3 {
+            for row in 0..height {
+                for column in 0..width {
+                    let (at, _) = seen(k, f64::from(column) + 0.5, f64::from(row) + 0.5);
+                    images.extend(colour(at).map(|value| value as f32));
+                }
+            }
+        }
+        let twist = |x: f64, off: f64| [0.3 * off, -0.2 * off, 0.1 * off, -x, 0.5 * off, -0.4 * off];
+        let start = [
+            twist(centres[0], 0.0),
+            twist(centres[1], 0.01),
+            twist(centres[2], -0.01),
+        ]
+        .concat();
+        let mut pixels = Vec::new();
+        for frame in 0..3u32 {
+            for (column, row) in
+                (1..8).flat_map(|i| (1..6).map(move |j| (12.0 * f64::from(i), 10.0 * f64::from(j))))
+            {
+                let (at, z) = seen(frame as usize, column, row);
+                let seen_in = (0..3).filter(|&other| {
+                    let x = at.x - centres[other as usize];
+                    other != frame && (80.0 * x / z).abs() < 40.0
+                });
+                pixels.push(FreePixel {
+                    frame,
+                    x: column,
+                    y: row,
+                    inverse_depth: 0.99 / z,
+                    seen_in: seen_in.collect(),
+                    error: 0.0,
+                    deviation: 0.0,
+                });
+            }
+        }
+        let options = PhotometricOptions {
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            width,
+            height,
+            loss_width: 10.0,
+            max_iterations: 40,
+        };
+        let adjusted = |second_at_origin: bool| {
+            let (mut cameras, mut pixels) = (start.clone(), pixels.clone());
+            if second_at_origin {
+                cameras[6..12].fill(0.0);
+            }
+            let pose = |cameras: &[f64], k: usize| {
+                Pose::from_twist(&Vector6::from_column_slice(&cameras[6 * k..][..6]))
+            };
+            let apart = |cameras: &[f64]| {
+                let centre = |k| pose(cameras, k).inverse().translation;
+                (centre(2) - centre(0)).norm()
+            };
+            let before = cameras.clone();
+            adjust_photometric(&mut cameras, &mut pixels, &images, &options).unwrap();
+            assert_eq!(cameras[..6], before[..6]);
+            assert!((apart(&cameras) / apart(&before) - 1.0).abs() < 1e-6);
+            let mut off: Vec<f64> = pixels
+                .iter()
+                .map(|pixel| {
+                    let (_, z) = seen(pixel.frame as usize, pixel.x, pixel.y);
+                    (pixel.inverse_depth * z - 1.0).abs()
+                })
+                .collect();
+            off.sort_by(f64::total_cmp);
+            assert!(off[off.len() / 2] < 3e-3, "{}", off[off.len() / 2]);
+        };
+        adjusted(false);
+        adjusted(true);
     }
 }

@@ -60,22 +60,25 @@ class ZoomPrior {
   double deviation_;
 };
 
-// The unit of length of what is seen up to its size: residual[1] = log(|t| / length) / kDeviation of
-// camera_from_world[6] = [omega; t]. Nothing else depends on the size, so that it ends at 0. A manifold would
-// say the same, but Ceres eliminates points faster where every camera has as many variables.
-class BaselinePrior {
+// The unit of length of what is seen up to its size: residual[1] = log(|x| / length) / kDeviation of a point
+// of the world at x in camera_from_world[6] = [omega; t]. Nothing else depends on the size, so that it ends
+// at 0. A manifold would say the same, but Ceres eliminates points faster where every camera has as many
+// variables.
+class DistancePrior {
  public:
-  explicit BaselinePrior(double length) : length_(length) {}
+  DistancePrior(const double* point, double length) : point_{point[0], point[1], point[2]}, length_(length) {}
 
-  static ceres::CostFunction* Create(double length) {
-    return new ceres::AutoDiffCostFunction<BaselinePrior, 1, 6>(new BaselinePrior(length));
+  static ceres::CostFunction* Create(const double* point, double length) {
+    return new ceres::AutoDiffCostFunction<DistancePrior, 1, 6>(new DistancePrior(point, length));
   }
 
   template <typename T>
   bool operator()(const T* camera_from_world, T* residual) const {
     using std::log;
-    const T* const t = camera_from_world + 3;
-    const T square = t[0] * t[0] + t[1] * t[1] + t[2] * t[2];
+    const T point[3] = {T(point_[0]), T(point_[1]), T(point_[2])};
+    T x[3];
+    PointInTarget(camera_from_world, point, x);
+    const T square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2];
     if (!(square > T(0.0))) return false;
     residual[0] = log(square / (length_ * length_)) / (2.0 * kDeviation);
     return true;
@@ -83,6 +86,7 @@ class BaselinePrior {
 
  private:
   static constexpr double kDeviation = 1e-3;
+  double point_[3];
   double length_;
 };
 
