@@ -50,6 +50,13 @@ def closed_surface(points, normals):
     return found.vertex_matrix(), found.face_matrix()
 
 
+def seam_of(faces):
+    """The vertices on the boundary."""
+    edges = numpy.sort(numpy.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edges, counts = numpy.unique(edges, axis=0, return_counts=True)
+    return numpy.unique(edges[counts == 1])
+
+
 def remeshed_half(vertices, faces, edge):
     whole = trimesh.Trimesh(vertices, faces, process=False)
     half = trimesh.intersections.slice_mesh_plane(whole, [1, 0, 0], [0, 0, 0], cap=False)
@@ -61,9 +68,12 @@ def remeshed_half(vertices, faces, edge):
     )
     meshes.meshing_remove_connected_component_by_face_number(mincomponentsize=100)
     vertices, faces = meshes.current_mesh().vertex_matrix().copy(), meshes.current_mesh().face_matrix()
-    edges = numpy.sort(numpy.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    edges, counts = numpy.unique(edges, axis=0, return_counts=True)
-    seam = numpy.unique(edges[counts == 1])
+    seam = seam_of(faces)
+    # A face with all corners on the seam lies in the plane of symmetry, back to back with its mirror image.
+    faces = faces[~numpy.isin(faces, seam).all(axis=1)]
+    kept, faces = numpy.unique(faces, return_inverse=True)
+    vertices, faces = vertices[kept], faces.reshape(-1, 3)
+    seam = seam_of(faces)
     if abs(vertices[seam, 0]).max() > 1e-3 or numpy.delete(vertices, seam, 0)[:, 0].min() <= 0:
         sys.exit("error: the cut is not all of the boundary; try another edge length")
     vertices[seam, 0] = 0.0
@@ -95,4 +105,5 @@ def main():
     print(f"{sys.argv[2]}: {len(vertices)} vertices, {len(faces)} faces, half of the template")
 
 
-main()
+if __name__ == "__main__":
+    main()

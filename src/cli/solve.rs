@@ -130,10 +130,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     start_threads(&mut config)?;
-    let (learned, prior_info) = prior::open(&config.prior)?;
-    let learned = Arc::new(learned);
+    let priors = prior::open_all(&config.prior)?;
     #[cfg(feature = "vision")]
-    let prepared = &prepared(input, out, &args.raw, &prior_info.category)?;
+    let prepared = &prepared(input, out, &args.raw, &priors[0].1.category)?;
     #[cfg(not(feature = "vision"))]
     let prepared = input;
     let began = Instant::now();
@@ -141,10 +140,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let loading_seconds = began.elapsed().as_secs_f64();
 
     say_what_is_held(&mut config, &sequence);
-    let style = start_style(&sequence, &learned, &prior_info, &config.start.style)?;
     let target = config.input.target_of(sequence.frames.len())?;
-    let starts = starts(&sequence, &learned, &style, target, &config)?;
+    let candidates = candidates(&sequence, priors, target, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
+    let Candidate {
+        prior: learned,
+        info: prior_info,
+        style,
+        starts,
+    } = best(&sequence, candidates, target, &config)?;
 
     let problem = Problem {
         prior: learned.clone(),
@@ -176,7 +180,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             solution: &solution,
             surface: &surface,
             input: &input.display().to_string(),
-            prior: &name_of(&prior_info),
+            prior: &prior_info.name(),
             length_m: config.output.length_m,
             masks_anew: &masks_anew,
             config: &config.to_toml()?,
@@ -251,6 +255,87 @@ fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::
         super::prepare::IfMade::Replace,
     )?;
     Ok(folder)
+}
+
+/// A prior, and where it starts.
+struct Candidate {
+    prior: Arc<LearnedPrior>,
+    info: PriorInfo,
+    style: Vec<f64>,
+    starts: Vec<Initialisation>,
+}
+
+/// Every prior with its starts; of those of several templates, an earlier result's alone where the style is to be its.
+fn candidates(
+    sequence: &Sequence,
+    mut priors: Vec<(LearnedPrior, PriorInfo)>,
+    target: usize,
+    config: &Config,
+) -> anyhow::Result<Vec<Candidate>> {
+    let earlier = RunResult::load(Path::new(&config.start.style)).map(|result| result.prior);
+    if let Ok(name) = earlier
+        && priors.iter().any(|(_, info)| info.name() == name)
+    {
+        priors.retain(|(_, info)| info.name() == name);
+    }
+    let candidate = |(prior, info): (LearnedPrior, PriorInfo)| {
+        let style = start_style(sequence, &prior, &info, &config.start.style)?;
+        let starts = starts(sequence, &prior, &style, target, config)?;
+        Ok(Candidate {
+            prior: Arc::new(prior),
+            info,
+            style,
+            starts,
+        })
+    };
+    priors.into_iter().map(candidate).collect()
+}
+
+/// The candidate whose prior fits best.
+fn best(
+    sequence: &Sequence,
+    mut candidates: Vec<Candidate>,
+    target: usize,
+    config: &Config,
+) -> anyhow::Result<Candidate> {
+    if candidates.len() == 1 {
+        return Ok(candidates.remove(0));
+    }
+    let progress = progress::SolveProgress::start()?;
+    let priors: Vec<Arc<dyn ShapePrior>> = candidates
+        .iter()
+        .map(|candidate| candidate.prior.clone() as Arc<dyn ShapePrior>)
+        .collect();
+    let competing: Vec<solver::Candidate> = candidates
+        .iter()
+        .zip(&priors)
+        .map(|(Candidate { starts, .. }, prior)| solver::Candidate { prior, starts })
+        .collect();
+    let objectives = solver::compete(
+        &Footage::new(sequence, config.solver.levels)?,
+        &competing,
+        target,
+        &config.objective,
+        &config.solver,
+        &|row| progress.see(row),
+    )?;
+    progress.finish();
+    let lowest = (0..objectives.len())
+        .min_by(|&a, &b| objectives[a].total_cmp(&objectives[b]))
+        .unwrap_or(0);
+    let words = candidates.iter().zip(&objectives).map(|(candidate, objective)| {
+        let info = &candidate.info;
+        format!(
+            "{} {objective:.0}",
+            info.template.as_ref().unwrap_or(&info.category)
+        )
+    });
+    println!(
+        "{:16} {}; the lowest objective decides",
+        "template",
+        words.collect::<Vec<_>>().join(", ")
+    );
+    Ok(candidates.swap_remove(lowest))
 }
 
 /// What is solved, whatever the masks.
@@ -368,11 +453,6 @@ fn with_masks_by_shape(
     Ok(Some((mended, names)))
 }
 
-/// The prior's name and version as results give them.
-fn name_of(prior: &PriorInfo) -> String {
-    format!("{} {} (schema {})", prior.category, prior.kind, prior.schema)
-}
-
 /// The style that `--init-style` names.
 fn start_style(
     sequence: &Sequence,
@@ -389,10 +469,10 @@ fn start_style(
         folder => {
             let result = RunResult::load(Path::new(folder)).context("--init-style")?;
             anyhow::ensure!(
-                result.prior == name_of(prior_info),
+                result.prior == prior_info.name(),
                 "--init-style {folder}: its prior is `{}`, this one `{}`: give a result of the same prior",
                 result.prior,
-                name_of(prior_info)
+                prior_info.name()
             );
             Ok(result.style)
         }

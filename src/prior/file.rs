@@ -31,11 +31,22 @@ const DIAGONAL: std::ops::RangeInclusive<f64> = 0.9..=1.12;
 const MAX_CENTRE_OFFSET: f64 = 0.1;
 /// Of a coordinate, by one standard deviation of a style; the bundled priors' move by less than 0.1.
 const MAX_DEFORMATION: f64 = 1.0;
-/// Priors that ship inside the library.
+/// Priors that ship inside the library: a category's name, or the category's and a template's.
 #[cfg(feature = "bundled-priors")]
-const BUNDLED: [(&str, &[u8]); 3] = [
+const BUNDLED: [(&str, &[u8]); 5] = [
     ("car", include_bytes!("../../data/priors/car.safetensors")),
-    ("chair", include_bytes!("../../data/priors/chair.safetensors")),
+    (
+        "chair-legs",
+        include_bytes!("../../data/priors/chair-legs.safetensors"),
+    ),
+    (
+        "chair-armchair",
+        include_bytes!("../../data/priors/chair-armchair.safetensors"),
+    ),
+    (
+        "chair-foot",
+        include_bytes!("../../data/priors/chair-foot.safetensors"),
+    ),
     (
         "airplane",
         include_bytes!("../../data/priors/airplane.safetensors"),
@@ -50,7 +61,7 @@ pub(crate) fn bundled() -> impl Iterator<Item = &'static [u8]> {
     BUNDLED.into_iter().map(|(_, bytes)| bytes)
 }
 
-/// A bundled prior by its name (`car`), or the file that `name_or_path` points to.
+/// A bundled prior by its name (`car`), or the file that `name_or_path` points to. Of a category with several templates (`chair`), the first.
 pub fn find(name_or_path: &str) -> Result<LearnedPrior, PriorError> {
     open(name_or_path).map(|(prior, _)| prior)
 }
@@ -62,12 +73,16 @@ pub fn load(path: &Path) -> Result<LearnedPrior, PriorError> {
 
 /// Like [`find`], with what the file says of itself.
 pub fn open(name_or_path: &str) -> Result<(LearnedPrior, PriorInfo), PriorError> {
-    if let Some((name, bytes)) = BUNDLED.iter().find(|(name, _)| *name == name_or_path) {
+    if let Some((name, bytes)) = bundled_as(name_or_path).next() {
         return parse(bytes, Path::new(name));
     }
     let path = Path::new(name_or_path);
     if !path.exists() && path.components().count() == 1 && path.extension().is_none() {
-        let bundled = match &BUNDLED.map(|(name, _)| name)[..] {
+        let mut categories = BUNDLED
+            .map(|(name, _)| name.split('-').next().unwrap_or(name))
+            .to_vec();
+        categories.dedup();
+        let bundled = match &categories[..] {
             [] => "none in this build".to_owned(),
             names => names.join(", "),
         };
@@ -77,6 +92,37 @@ pub fn open(name_or_path: &str) -> Result<(LearnedPrior, PriorInfo), PriorError>
         });
     }
     open_file(path)
+}
+
+/// The priors that `names_or_paths` stand for, separated by commas: of a bundled category with several templates (`chair`), one for each.
+/// [`solver::compete`](crate::solver::compete) says which of them fits a sequence.
+///
+/// # Errors
+/// One that cannot be read, or priors of several categories.
+pub fn open_all(names_or_paths: &str) -> Result<Vec<(LearnedPrior, PriorInfo)>, PriorError> {
+    let mut found = Vec::new();
+    let is_one = Path::new(names_or_paths).exists();
+    for name in names_or_paths.split(|letter| letter == ',' && !is_one) {
+        let bundled = bundled_as(name).map(|(name, bytes)| parse(bytes, Path::new(name)));
+        found.extend(bundled.collect::<Result<Vec<_>, _>>()?);
+        if bundled_as(name).next().is_none() {
+            found.push(open(name)?);
+        }
+    }
+    let category = |(_, info): &(LearnedPrior, PriorInfo)| info.category.clone();
+    if let Some(other) = found.iter().find(|prior| category(prior) != category(&found[0])) {
+        return Err(PriorError::Categories(category(&found[0]), category(other)));
+    }
+    Ok(found)
+}
+
+/// The bundled prior of that name, else those of that category.
+fn bundled_as(name: &str) -> impl Iterator<Item = (&'static str, &'static [u8])> {
+    let is_one = BUNDLED.iter().any(|(bundled, _)| *bundled == name);
+    BUNDLED.into_iter().filter(move |(bundled, _)| {
+        let template = bundled.strip_prefix(name);
+        template.is_some_and(|rest| rest.is_empty() || (!is_one && rest.starts_with('-')))
+    })
 }
 
 fn open_file(path: &Path) -> Result<(LearnedPrior, PriorInfo), PriorError> {

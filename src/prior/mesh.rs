@@ -35,7 +35,7 @@ pub enum InvalidMesh {
         vertices: usize,
     },
     /// The mesh is no oriented manifold at an edge. The fields are the edge's vertices.
-    #[error("edge {0}-{1} has more than two faces, or two that are wound differently")]
+    #[error("edge {0}-{1} of the whole has more than two faces, or two that are wound differently")]
     NotManifold(u32, u32),
     /// A vertex belongs to no face. The field is its index.
     #[error("vertex {0} is of no face")]
@@ -85,6 +85,11 @@ impl MirroredMesh {
         for &(a, b) in directed.keys().filter(|(a, b)| !directed.contains_key(&(*b, *a))) {
             seam[a as usize] = true;
             seam[b as usize] = true;
+        }
+        // Both halves would share an edge across the half from seam to seam.
+        let mut inner = directed.keys().filter(|(a, b)| directed.contains_key(&(*b, *a)));
+        if let Some(&(a, b)) = inner.find(|(a, b)| seam[*a as usize] && seam[*b as usize]) {
+            return Err(InvalidMesh::NotManifold(a, b));
         }
         let mut next = vertices as u32;
         let image = (0..vertices as u32)
@@ -416,17 +421,24 @@ pub(super) mod tests {
             refused(vec![[0, 1, 2], [0, 1, 3]]),
             InvalidMesh::NotManifold(0, 1)
         );
+        // Its mirror image has the edge from seam to seam, too.
+        assert_eq!(
+            refused(vec![[0, 1, 2], [1, 3, 2]]),
+            InvalidMesh::NotManifold(1, 2)
+        );
         assert_eq!(refused(vec![[0, 1, 2]]), InvalidMesh::Unused(3));
     }
 
     #[test]
     fn folds_and_stretch_are_counted() {
-        // A strip of two triangles, flat.
-        let mesh = MirroredMesh::new(4, vec![[0, 1, 2], [1, 3, 2]], vec![[[0.0; 2]; 3]; 2]).unwrap();
-        let rest = [V3::zeros(), V3::x(), V3::y(), V3::x() + V3::y()];
+        // Four triangles around the middle of a square.
+        let faces = vec![[0, 1, 4], [1, 3, 4], [3, 2, 4], [2, 0, 4]];
+        let mesh = MirroredMesh::new(5, faces, vec![[[0.0; 2]; 3]; 4]).unwrap();
+        let corner = V3::x() + V3::y();
+        let rest = [V3::zeros(), V3::x(), V3::y(), corner, 0.5 * corner];
         assert_eq!(distortion(&mesh, &rest, &rest).folded, 0.0);
         let mut bent = rest;
-        bent[3] = V3::new(0.1, 0.1, 0.01);
+        bent[3] = V3::new(0.3, 0.3, 0.01);
         assert_eq!(distortion(&mesh, &rest, &bent).folded, 1.0);
         let long = rest.map(|v| V3::new(4.0 * v.x, v.y, 0.0));
         let found = distortion(&mesh, &rest, &long);

@@ -29,7 +29,8 @@ pub(crate) use file::bundled;
 #[cfg(fuzzing)]
 pub use file::fuzz;
 pub use file::{
-    FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, check_unit, find, load, open, save,
+    FreeFormInfo, PriorError, PriorInfo, PriorKind, PriorSource, Symmetry, check_unit, find, load, open,
+    open_all, save,
 };
 #[cfg(feature = "cad")]
 pub use frame_error::{FrameError, Known, frame_errors};

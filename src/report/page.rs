@@ -85,7 +85,7 @@ pub fn write_page(folder: &Path, sequence: &Sequence, focal_deviation: f64) -> R
     check_frames(folder, sequence, &result)?;
     let doubts = doubts(
         &result.frames,
-        &result.style,
+        (&result.style, &result.free_form),
         result.focal_factor,
         focal_deviation,
     );

@@ -134,6 +134,53 @@ pub fn solve(
     })
 }
 
+/// A prior that competes with others, and where it starts.
+pub struct Candidate<'a> {
+    /// The prior.
+    pub prior: &'a Arc<dyn ShapePrior>,
+    /// Its starts.
+    pub starts: &'a [Initialisation],
+}
+
+/// The lowest objective of each candidate's [`short_solves`], of which the lowest of all says which prior fits. Where a category has
+/// several templates, each is a prior; all are standard normal, so that what a style costs is alike. Once `observer` has stopped them,
+/// the candidates that had no turn have an infinite objective.
+///
+/// # Errors
+/// No start, or a failing objective.
+pub fn compete(
+    footage: &Footage,
+    candidates: &[Candidate],
+    target: usize,
+    objective_options: &ObjectiveOptions,
+    options: &SolverOptions,
+    observer: &Observer,
+) -> Result<Vec<f64>, SolveError> {
+    let mut interrupted = false;
+    let lowest = |candidate: &Candidate| {
+        if interrupted {
+            return Ok(f64::INFINITY);
+        }
+        let starts: Vec<Estimate> = candidate
+            .starts
+            .iter()
+            .map(|start| start.estimate.clone())
+            .collect();
+        let short = short_solves(
+            footage,
+            candidate.prior,
+            target,
+            &starts,
+            objective_options,
+            options.evaluation,
+            observer,
+        )?;
+        interrupted = short.interrupted;
+        Ok(short.objectives[short.chosen].1)
+    };
+    candidates.iter().map(lowest).collect()
+}
+
 /// What [`refine`] found, bent by the free form where the prior and the options have one, and moved from the prior's frame to the
 /// canonical frame of the shape itself ([`ShapePrior::canonical_from_shape`]).
 ///

@@ -1,13 +1,11 @@
 //! `report.html` of results of points and of surfaces: made anew by `report`, and used in headless Chromium as a person would.
 
 use assert_cmd::Command;
+use spba_ceres::prior::{self, LearnedPrior, PriorInfo};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const CHROMIUM: &str = "/usr/bin/chromium";
-/// Bundled priors of either kind. No chair explains the car, so that its page is that of a result that is not usable.
-const POINTS: &str = "chair";
-const SURFACES: &str = "car";
 
 fn program() -> Command {
     Command::cargo_bin("spba-ceres").unwrap()
@@ -17,13 +15,24 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// The points of a bundled prior of surfaces. No chair explains the car, so that its page is that of a result that is not usable.
+fn points_of_chairs(home: &Path) -> PathBuf {
+    let of_surfaces = prior::find("chair-legs").unwrap();
+    let points = LearnedPrior::from(of_surfaces.output().clone());
+    let path = home.join("chair.safetensors");
+    prior::save(&path, &points, &PriorInfo::mirrored("chair", &points)).unwrap();
+    path
+}
+
 /// A quick result of the bundled sequence by its relative path, from the repository.
-fn solved(prior: &str, home: &Path) -> PathBuf {
-    let out = home.join(prior);
+fn solved(name: &str, prior: &Path, home: &Path) -> PathBuf {
+    let out = home.join(name);
     let quick = "--hypotheses 1 --levels 1 --max-steps 3 --points 2048";
     program()
         .current_dir(root())
-        .args(["solve", "data/sequences/car", "--prior", prior, "--out"])
+        .args(["solve", "data/sequences/car", "--prior"])
+        .arg(prior)
+        .arg("--out")
         .arg(&out)
         .args(quick.split(' '))
         .output()
@@ -49,7 +58,10 @@ fn trouble() -> Option<&'static str> {
 #[test]
 fn pages_open_and_can_be_used() {
     let home = tempfile::tempdir().unwrap();
-    let folders = [POINTS, SURFACES].map(|prior| solved(prior, home.path()));
+    let folders = [
+        solved("chair", &points_of_chairs(home.path()), home.path()),
+        solved("car", Path::new("car"), home.path()),
+    ];
     for folder in &folders {
         let page = folder.join("report.html");
         let bytes = std::fs::read(&page).unwrap();
@@ -85,7 +97,7 @@ fn pages_open_and_can_be_used() {
 #[test]
 fn a_result_whose_sequence_is_gone_is_refused_by_name() {
     let home = tempfile::tempdir().unwrap();
-    let out = solved(POINTS, home.path());
+    let out = solved("chair", &points_of_chairs(home.path()), home.path());
     let refused = |arguments: &[&str]| {
         let assert = program()
             .current_dir(home.path())

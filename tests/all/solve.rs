@@ -61,6 +61,11 @@ fn options_that_do_not_go_together() {
 #[test]
 fn priors_that_cannot_be_used() {
     refused(&car(), &["--prior", "boat"], &["boat", "car"]);
+    refused(
+        &car(),
+        &["--prior", "car,airplane"],
+        &["car and airplane", "one category"],
+    );
     let folder = tempfile::tempdir().unwrap();
     let bundled = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/priors/car.safetensors");
     let bytes = std::fs::read(&bundled).unwrap();
@@ -210,6 +215,40 @@ fn the_same_input_gives_the_same_bytes_whatever_the_threads() {
 }
 
 #[test]
+fn of_several_templates_the_lowest_objective_decides() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["a", "b"].map(|name| folder.path().join(name));
+    let prior_of = |out: &Path| {
+        let result = std::fs::read_to_string(out.join("result.json")).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&result).unwrap();
+        result["prior"].as_str().unwrap().to_owned()
+    };
+    // Chairs may not explain a car, which is an error after the result is written.
+    let said = |out: &Path, options: &[&str]| {
+        let assert = solve(
+            &car(),
+            out,
+            &[&QUICK[..], &["--prior", "chair"], options].concat(),
+        );
+        String::from_utf8(assert.get_output().stdout.clone()).unwrap()
+    };
+    let words = said(&first, &[]);
+    let line = words.lines().find(|line| line.starts_with("template ")).unwrap();
+    let objectives: Vec<(f64, &str)> = line["template ".len()..line.find(';').unwrap()]
+        .split(',')
+        .map(|of| of.trim().split_once(' ').unwrap())
+        .map(|(name, objective)| (objective.parse().unwrap(), name))
+        .collect();
+    assert_eq!(objectives.len(), 3, "{line}");
+    let best = objectives.iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap().1;
+    assert!(prior_of(&first).starts_with(best), "{} {line}", prior_of(&first));
+    // A style is one of its own prior alone.
+    let words = said(&second, &["--init-style", first.to_str().unwrap()]);
+    assert!(!words.contains("template "), "{words}");
+    assert_eq!(prior_of(&second), prior_of(&first));
+}
+
+#[test]
 fn the_papers_configuration_runs() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
@@ -274,7 +313,7 @@ fn a_solve_starts_where_it_is_told() {
     refused(
         &car(),
         &["--prior", "chair", "--init-style", path],
-        &["--init-style", "car surface", "chair linear"],
+        &["--init-style", "car surface", "chair-legs surface"],
     );
     refused(
         &car(),

@@ -84,7 +84,7 @@ impl Row {
         let focal_deviation = config.objective.focal_deviation.unwrap_or(0.0);
         let doubts = doubts(
             &result.frames,
-            &result.style,
+            (&result.style, &result.free_form),
             result.focal_factor,
             focal_deviation,
         );

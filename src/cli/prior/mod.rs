@@ -51,6 +51,9 @@ struct Learn {
     /// Surfaces: also write the template drawn onto each model, an OBJ file each, to this folder.
     #[arg(long, requires = "template")]
     meshes: Option<PathBuf>,
+    /// Surfaces: take the free form's amplitude and length from another prior of surfaces, where the models are too few to say
+    #[arg(long, requires = "template", value_name = "PRIOR")]
+    free_form_of: Option<String>,
     /// The number of style entries S
     #[arg(long, default_value_t = 16)]
     styles: usize,
@@ -88,7 +91,7 @@ struct Eval {
 /// Draw the mean and each mode at −2σ and +2σ.
 #[derive(clap::Args)]
 struct Show {
-    /// A bundled prior's name (car, chair, airplane) or a .safetensors file.
+    /// A bundled prior's name (car, chair-legs, chair-armchair, chair-foot, airplane) or a .safetensors file.
     prior: String,
     /// The PNG to write.
     #[arg(long)]
@@ -230,6 +233,9 @@ impl Learn {
         );
         if let Some(template) = &self.template {
             command += &format!(" --template {}", portable(template));
+        }
+        if let Some(other) = &self.free_form_of {
+            command += &format!(" --free-form-of {}", portable(Path::new(other)));
         }
         if self.kind == Kind::Decoder {
             command += &format!(" --width {} --steps {}", self.network.width, self.network.steps);

@@ -133,6 +133,7 @@ fn load_template(path: &Path) -> anyhow::Result<(MirroredMesh, Vec<V3>)> {
 }
 
 pub fn learn(args: &Learn, template: &Path) -> anyhow::Result<()> {
+    let given = args.free_form_of.as_deref().map(scales_of).transpose()?;
     let found = Surfaces::load(&args.models, template)?;
     ensure!(
         args.styles < found.models.len(),
@@ -148,7 +149,7 @@ pub fn learn(args: &Learn, template: &Path) -> anyhow::Result<()> {
         styles: args.styles,
         points: args.points,
         modes: FORM_MODES,
-        scales: found.scales(args.styles),
+        scales: given.unwrap_or_else(|| found.scales(args.styles)),
         seed: args.models.seed,
     };
     let all: Vec<usize> = (0..found.models.len()).collect();
@@ -156,6 +157,10 @@ pub fn learn(args: &Learn, template: &Path) -> anyhow::Result<()> {
     let asymmetry = surface.asymmetry();
     let prior = LearnedPrior::of_surface(surface)?;
     let info = PriorInfo {
+        template: template
+            .file_stem()
+            .map(|stem| stem.to_string_lossy().into_owned())
+            .filter(|name| *name != found.list.category),
         command: args.command(),
         seed: args.models.seed,
         explained_variance: explained,
@@ -180,6 +185,15 @@ pub fn learn(args: &Learn, template: &Path) -> anyhow::Result<()> {
     );
     print_distortions(&found, false);
     Ok(())
+}
+
+/// The free form's scales of a prior of surfaces.
+fn scales_of(prior: &str) -> anyhow::Result<Vec<FieldScale>> {
+    let (_, info) = prior::open(prior)?;
+    let free_form = info
+        .free_form
+        .with_context(|| format!("--free-form-of {prior}: it has no free form; give a prior of surfaces"))?;
+    Ok(free_form.scales)
 }
 
 /// One OBJ a model: the template drawn onto it.

@@ -34,6 +34,9 @@ pub enum PriorError {
         /// The names of the bundled priors.
         bundled: String,
     },
+    /// Priors that are to compete are of different categories. The fields are two of them.
+    #[error("priors of {0} and {1}: give priors of one category")]
+    Categories(String, String),
     /// The file is no whole safetensors file.
     #[error("{}: not a whole safetensors file ({reason}): download or learn it again", path.display())]
     NotSafetensors {

@@ -17,6 +17,9 @@ pub struct PriorInfo {
     pub kind: PriorKind,
     /// The category: `car`, `chair` …
     pub category: String,
+    /// What its template looks like, where the category has several: `chair-foot` …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub template: Option<String>,
     /// The object frame in words: [`OBJECT_FRAME`].
     pub frame: String,
     /// How the file's points become the prior's.
@@ -96,6 +99,12 @@ pub enum Symmetry {
 }
 
 impl PriorInfo {
+    /// The name and version that results give.
+    pub fn name(&self) -> String {
+        let name = self.template.as_ref().unwrap_or(&self.category);
+        format!("{name} {} (schema {})", self.kind, self.schema)
+    }
+
     /// The description of `prior`, mirrored, by this version in the canonical frame.
     pub fn mirrored(category: &str, prior: &LearnedPrior) -> Self {
         let hidden: Vec<usize> = prior.hidden().iter().map(|layer| layer.bias.len()).collect();
@@ -108,6 +117,7 @@ impl PriorInfo {
             schema,
             kind,
             category: category.to_owned(),
+            template: None,
             frame: OBJECT_FRAME.to_owned(),
             symmetry: Symmetry::MirrorX,
             styles: prior.style_len(),

@@ -211,6 +211,31 @@ fn names_are_resolved() {
 }
 
 #[test]
+fn a_category_with_several_templates_is_several_priors() {
+    let names = |given: &str| -> Vec<String> {
+        let priors = open_all(given).unwrap();
+        priors.iter().map(|(_, info)| info.name()).collect()
+    };
+    let chairs =
+        ["chair-legs", "chair-armchair", "chair-foot"].map(|name| format!("{name} surface (schema 2)"));
+    assert_eq!(names("chair"), chairs);
+    assert_eq!(
+        names("chair-foot,chair-legs"),
+        [chairs[2].clone(), chairs[0].clone()]
+    );
+    assert_eq!(open("chair").unwrap().1.name(), chairs[0]);
+    assert_eq!(names("car"), ["car surface (schema 2)"]);
+    let mixed = open_all("car,chair").unwrap_err().to_string();
+    assert!(mixed.contains("priors of car and chair"), "{mixed}");
+    assert!(open_all("chair,boat").unwrap_err().to_string().contains("`boat`"));
+    // A comma in a path is no list.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a,b.safetensors");
+    std::fs::write(&path, BUNDLED[0].1).unwrap();
+    assert_eq!(names(path.to_str().unwrap()), ["car surface (schema 2)"]);
+}
+
+#[test]
 fn the_bundled_car_is_usable() {
     let (prior, info) = open("car").unwrap();
     assert_eq!(info.category, "car");

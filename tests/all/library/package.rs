@@ -92,7 +92,9 @@ fn priors_are_installed_as_files_with_their_licences() {
     let folder = prefix().join("share/spba/priors");
     for name in [
         "car.safetensors",
-        "chair.safetensors",
+        "chair-legs.safetensors",
+        "chair-armchair.safetensors",
+        "chair-foot.safetensors",
         "airplane.safetensors",
         "LICENCES.md",
     ] {
