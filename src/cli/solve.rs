@@ -146,7 +146,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let Candidate {
         prior: learned,
         info: prior_info,
-        style,
         starts,
     } = best(&sequence, candidates, target, &config)?;
 
@@ -158,7 +157,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let found = (problem.solve(&sequence, &starts)?, Vec::new());
     #[cfg(feature = "vision")]
     let found = match prepared != input {
-        true => problem.mend_masks(&mut sequence, &style, found.0, &args.raw, &prior_info.category)?,
+        true => {
+            let style = &starts[0].estimate.style;
+            problem.mend_masks(&mut sequence, style, found.0, &args.raw, &prior_info.category)?
+        }
         false => found,
     };
     let (mut solution, masks_anew): (Solution, Vec<String>) = found;
@@ -261,7 +263,6 @@ fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::
 struct Candidate {
     prior: Arc<LearnedPrior>,
     info: PriorInfo,
-    style: Vec<f64>,
     starts: Vec<Initialisation>,
 }
 
@@ -284,7 +285,6 @@ fn candidates(
         Ok(Candidate {
             prior: Arc::new(prior),
             info,
-            style,
             starts,
         })
     };

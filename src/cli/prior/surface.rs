@@ -12,6 +12,7 @@ use spba_ceres::prior::{
     self, Distortion, FieldScale, FreeForm, FreeFormInfo, LearnedPrior, MirroredMesh, PriorInfo,
     SurfacePrior, distortion,
 };
+use std::collections::BTreeMap;
 use std::path::Path;
 
 type V3 = nalgebra::Vector3<f64>;
@@ -201,8 +202,15 @@ fn write_meshes(found: &Surfaces, folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let faces = found.mesh.faces();
+    let mut names = BTreeMap::new();
     for (model, shape) in found.models.iter().zip(&found.shapes) {
-        let path = folder.join(format!("{}.obj", model.name));
+        // Packages have models of the same name.
+        let count = names.entry(&model.name).or_insert(0);
+        *count += 1;
+        let path = folder.join(match *count {
+            1 => format!("{}.obj", model.name),
+            count => format!("{}-{count}.obj", model.name),
+        });
         prior::write_mesh(&path, &found.mesh.whole(shape), &faces)
             .with_context(|| format!("{}: cannot write the mesh", path.display()))?;
     }
