@@ -42,7 +42,7 @@ def both_sides(corners, thickness, axis):
 
 
 def turned(rings, along):
-    """A solid with round sections: (place along the axis, radius, height of the centre)."""
+    """A solid with round sections: (place along the axis, radius, the centre's y, or z where the axis is y)."""
     angles = numpy.linspace(0, 2 * numpy.pi, 48, endpoint=False)
     if along == "z":
         return hull([(r * numpy.cos(a), y + r * numpy.sin(a), z) for z, r, y in rings for a in angles])

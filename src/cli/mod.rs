@@ -15,6 +15,7 @@ mod render;
 mod report;
 mod reproduce;
 mod solve;
+mod starts;
 mod summary;
 
 use clap::{Parser, Subcommand};

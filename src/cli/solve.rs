@@ -6,22 +6,27 @@ use super::input::read;
 #[cfg(feature = "vision")]
 use super::prepare::RawArgs;
 use super::progress;
+use super::starts::{self, Template};
 use super::summary::summarise;
 use anyhow::Context;
 use serde::Serialize;
 use spba_ceres::config::{Config, ConfigError, Setting};
-use spba_ceres::init::{self, Initialisation};
+#[cfg(feature = "vision")]
+use spba_ceres::init;
+use spba_ceres::init::Initialisation;
 use spba_ceres::objective::Footage;
 #[cfg(feature = "vision")]
 use spba_ceres::prepare::{Input, PrepareError};
-use spba_ceres::prior::{self, LearnedPrior, PriorInfo, ShapePrior};
-use spba_ceres::report::{self, FrameResult, ReportInput, RunResult, Surface};
-use spba_ceres::sequence::{Frame, Sequence};
+use spba_ceres::prior::{self, LearnedPrior, ShapePrior};
+use spba_ceres::report::{self, ReportInput, Surface};
+use spba_ceres::sequence::Sequence;
+use spba_ceres::solver;
 #[cfg(feature = "vision")]
 use spba_ceres::solver::Termination;
 use spba_ceres::solver::{Solution, SolveError};
-use spba_ceres::{regressor, solver};
-use std::path::{Path, PathBuf};
+#[cfg(any(feature = "vision", feature = "rerun"))]
+use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -141,13 +146,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
     say_what_is_held(&mut config, &sequence);
     let target = config.input.target_of(sequence.frames.len())?;
-    let candidates = candidates(&sequence, priors, target, &config)?;
+    let templates = starts::templates(&sequence, priors, target, &config)?;
     let initialising_seconds = began.elapsed().as_secs_f64() - loading_seconds;
-    let Candidate {
+    let several = templates.len() > 1;
+    let Template {
         prior: learned,
         info: prior_info,
         starts,
-    } = best(&sequence, candidates, target, &config)?;
+    } = starts::best(&sequence, templates, target, &config)?;
+    let competing_seconds = began.elapsed().as_secs_f64() - loading_seconds - initialising_seconds;
 
     let problem = Problem {
         prior: learned.clone(),
@@ -174,6 +181,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     solution
         .seconds
         .insert(1, ("initialise".to_owned(), initialising_seconds));
+    if several {
+        let competing = ("templates".to_owned(), competing_seconds);
+        solution.seconds.insert(2, competing);
+    }
 
     let surface = Surface::of(&learned, &solution);
     let written = report::write(
@@ -257,85 +268,6 @@ fn prepared(input: &Path, out: &Path, raw: &RawArgs, category: &str) -> anyhow::
         super::prepare::IfMade::Replace,
     )?;
     Ok(folder)
-}
-
-/// A prior, and where it starts.
-struct Candidate {
-    prior: Arc<LearnedPrior>,
-    info: PriorInfo,
-    starts: Vec<Initialisation>,
-}
-
-/// Every prior with its starts; of those of several templates, an earlier result's alone where the style is to be its.
-fn candidates(
-    sequence: &Sequence,
-    mut priors: Vec<(LearnedPrior, PriorInfo)>,
-    target: usize,
-    config: &Config,
-) -> anyhow::Result<Vec<Candidate>> {
-    let earlier = RunResult::load(Path::new(&config.start.style)).map(|result| result.prior);
-    if let Ok(name) = earlier
-        && priors.iter().any(|(_, info)| info.name() == name)
-    {
-        priors.retain(|(_, info)| info.name() == name);
-    }
-    let candidate = |(prior, info): (LearnedPrior, PriorInfo)| {
-        let style = start_style(sequence, &prior, &info, &config.start.style)?;
-        let starts = starts(sequence, &prior, &style, target, config)?;
-        Ok(Candidate {
-            prior: Arc::new(prior),
-            info,
-            starts,
-        })
-    };
-    priors.into_iter().map(candidate).collect()
-}
-
-/// The candidate whose prior fits best.
-fn best(
-    sequence: &Sequence,
-    mut candidates: Vec<Candidate>,
-    target: usize,
-    config: &Config,
-) -> anyhow::Result<Candidate> {
-    if candidates.len() == 1 {
-        return Ok(candidates.remove(0));
-    }
-    let progress = progress::SolveProgress::start()?;
-    let priors: Vec<Arc<dyn ShapePrior>> = candidates
-        .iter()
-        .map(|candidate| candidate.prior.clone() as Arc<dyn ShapePrior>)
-        .collect();
-    let competing: Vec<solver::Candidate> = candidates
-        .iter()
-        .zip(&priors)
-        .map(|(Candidate { starts, .. }, prior)| solver::Candidate { prior, starts })
-        .collect();
-    let objectives = solver::compete(
-        &Footage::new(sequence, config.solver.levels)?,
-        &competing,
-        target,
-        &config.objective,
-        &config.solver,
-        &|row| progress.see(row),
-    )?;
-    progress.finish();
-    let lowest = (0..objectives.len())
-        .min_by(|&a, &b| objectives[a].total_cmp(&objectives[b]))
-        .unwrap_or(0);
-    let words = candidates.iter().zip(&objectives).map(|(candidate, objective)| {
-        let info = &candidate.info;
-        format!(
-            "{} {objective:.0}",
-            info.template.as_ref().unwrap_or(&info.category)
-        )
-    });
-    println!(
-        "{:16} {}; the lowest objective decides",
-        "template",
-        words.collect::<Vec<_>>().join(", ")
-    );
-    Ok(candidates.swap_remove(lowest))
 }
 
 /// What is solved, whatever the masks.
@@ -451,78 +383,6 @@ fn with_masks_by_shape(
         }
     })?;
     Ok(Some((mended, names)))
-}
-
-/// The style that `--init-style` names.
-fn start_style(
-    sequence: &Sequence,
-    prior: &LearnedPrior,
-    prior_info: &PriorInfo,
-    from: &str,
-) -> anyhow::Result<Vec<f64>> {
-    match from {
-        "mean" => Ok(vec![0.0; prior.style_len()]),
-        "regressor" => Ok(regressor::bundled(&prior_info.category)?.style(sequence, prior_info)?),
-        file if file.ends_with(".safetensors") => {
-            Ok(regressor::load(Path::new(file))?.style(sequence, prior_info)?)
-        }
-        folder => {
-            let result = RunResult::load(Path::new(folder)).context("--init-style")?;
-            anyhow::ensure!(
-                result.prior == prior_info.name(),
-                "--init-style {folder}: its prior is `{}`, this one `{}`: give a result of the same prior",
-                result.prior,
-                prior_info.name()
-            );
-            Ok(result.style)
-        }
-    }
-}
-
-/// What the solver starts from.
-fn starts(
-    sequence: &Sequence,
-    prior: &LearnedPrior,
-    style: &[f64],
-    target: usize,
-    config: &Config,
-) -> anyhow::Result<Vec<Initialisation>> {
-    let pose = &config.start.pose;
-    if pose == "templates" {
-        return Ok(init::initialise(sequence, prior, style, target, &config.init)?);
-    }
-    let result = RunResult::load(Path::new(pose)).context("--init-pose")?;
-    let of_frame = |frame: &Frame| {
-        let known = result.frames.iter().find(|known| known.name == frame.name);
-        let found = known.and_then(FrameResult::camera_from_object);
-        found.with_context(|| {
-            format!(
-                "--init-pose {pose}: no frame `{}`: give a result of all frames in use",
-                frame.name
-            )
-        })
-    };
-    let cameras = sequence
-        .frames
-        .iter()
-        .map(of_frame)
-        .collect::<anyhow::Result<Vec<_>>>()?;
-    let alpha = result.alpha.unwrap_or(1.0);
-    let free_form = if config.start.style == *pose {
-        &result.free_form[..]
-    } else {
-        &[]
-    };
-    let shape = (style, free_form);
-    let mut start = init::initialise_at(sequence, prior, shape, target, &cameras, alpha, &config.init)?;
-    if config
-        .objective
-        .focal_deviation
-        .is_some_and(|deviation| deviation > 0.0)
-    {
-        start.estimate.focal_factor = result.focal_factor;
-    }
-    Ok(vec![start])
 }
 
 /// Flag over --set over file over default.

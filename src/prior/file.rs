@@ -77,7 +77,7 @@ pub fn open(name_or_path: &str) -> Result<(LearnedPrior, PriorInfo), PriorError>
         return parse(bytes, Path::new(name));
     }
     let path = Path::new(name_or_path);
-    if !path.exists() && path.components().count() == 1 && path.extension().is_none() {
+    if !path.exists() && path.components().count() <= 1 && path.extension().is_none() {
         let mut categories = BUNDLED
             .map(|(name, _)| name.split('-').next().unwrap_or(name))
             .to_vec();
@@ -103,10 +103,12 @@ pub fn open_all(names_or_paths: &str) -> Result<Vec<(LearnedPrior, PriorInfo)>, 
     let mut found = Vec::new();
     let is_one = Path::new(names_or_paths).exists();
     for name in names_or_paths.split(|letter| letter == ',' && !is_one) {
-        let bundled = bundled_as(name).map(|(name, bytes)| parse(bytes, Path::new(name)));
-        found.extend(bundled.collect::<Result<Vec<_>, _>>()?);
-        if bundled_as(name).next().is_none() {
+        let mut bundled = bundled_as(name).peekable();
+        if bundled.peek().is_none() {
             found.push(open(name)?);
+        }
+        for (name, bytes) in bundled {
+            found.push(parse(bytes, Path::new(name))?);
         }
     }
     let category = |(_, info): &(LearnedPrior, PriorInfo)| info.category.clone();

@@ -228,6 +228,12 @@ fn a_category_with_several_templates_is_several_priors() {
     let mixed = open_all("car,chair").unwrap_err().to_string();
     assert!(mixed.contains("priors of car and chair"), "{mixed}");
     assert!(open_all("chair,boat").unwrap_err().to_string().contains("`boat`"));
+    assert!(
+        open_all("chair,")
+            .unwrap_err()
+            .to_string()
+            .contains("prior `` is neither")
+    );
     // A comma in a path is no list.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a,b.safetensors");
