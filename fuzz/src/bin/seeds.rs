@@ -1,6 +1,6 @@
 //! Writes small files of every kind into `corpus/<target>/`, where the targets start.
 
-#[path = "../../../tests/fixture/mod.rs"]
+#[path = "../../../tests/all/fixture/mod.rs"]
 mod fixture;
 
 use spba_ceres_fuzz::{TEXTURED, zip};

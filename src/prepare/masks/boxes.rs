@@ -48,6 +48,8 @@ impl Sides {
 const MIN_SCORE: f64 = 0.2;
 /// Overlap from frame to frame counts so many times a score of 1: an object that stays beats one that is surer in single frames.
 const STAYING: f64 = 2.0;
+/// Smaller overlaps count nothing, so that no object is left for what it stands on; one that moves fast is still followed.
+const MIN_OVERLAP: f64 = 0.5;
 /// The maximum number of frames without a detection within a chain.
 const GAP: usize = 5;
 /// Objects that fill this share of the picture are large enough.
@@ -170,7 +172,7 @@ fn best_track(nodes: &[Vec<(Sides, f64)>], given: Option<usize>) -> Option<Track
                 };
                 for before in frame.saturating_sub(GAP).max(first)..frame {
                     for (i, (other, _)) in nodes[before].iter().enumerate() {
-                        let chain = chains[before][i].score + STAYING * sides.overlap(other);
+                        let chain = chains[before][i].score + link(sides.overlap(other));
                         if chain > best.score {
                             best = Chain {
                                 score: chain,
@@ -195,6 +197,15 @@ fn best_track(nodes: &[Vec<(Sides, f64)>], given: Option<usize>) -> Option<Track
         at = chains[frame][i].before;
     }
     Some(Track { boxes, score })
+}
+
+/// What an overlap with the detection before adds to a chain's score.
+fn link(overlap: f64) -> f64 {
+    if overlap < MIN_OVERLAP {
+        0.0
+    } else {
+        STAYING * overlap
+    }
 }
 
 /// The best chain that ends with a detection.
@@ -311,6 +322,44 @@ mod tests {
         assert!(found[0].score >= found[1].score);
         assert_eq!(found[0].boxes[3], Some(Sides([10.0, 20.0, 110.0, 70.0])));
         assert_eq!(found[1].boxes[2], Some(Sides([32.0, 30.0, 72.0, 60.0])));
+    }
+
+    /// Detected on the platform, an object is surer in the first half, the platform in the second.
+    #[test]
+    fn a_chain_does_not_leave_the_object_for_what_it_stands_on() {
+        let frames: Vec<Detected> = (0..10)
+            .map(|frame| {
+                let x = f64::from(frame);
+                let sure = |first: bool| if (frame < 5) == first { 0.6 } else { 0.4 };
+                Detected {
+                    boxes: vec![
+                        ([30.0 + x, 30.0, 80.0 + x, 60.0], sure(true)),
+                        ([5.0, 20.0, 115.0, 75.0], sure(false)),
+                    ],
+                }
+            })
+            .collect();
+        for frames in [frames.clone(), frames.into_iter().rev().collect()] {
+            for track in tracks(&frames, (120, 90), None) {
+                let widths: Vec<f64> = track.boxes.iter().flatten().map(|Sides(s)| s[2] - s[0]).collect();
+                assert_eq!(widths.len(), 10);
+                assert!(widths.iter().all(|width| *width == widths[0]), "{widths:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_object_that_moves_by_its_width_is_followed() {
+        let frames: Vec<Detected> = (0..4)
+            .map(|frame| {
+                let x = 30.0 * f64::from(frame);
+                Detected {
+                    boxes: vec![([x, 30.0, x + 30.0, 60.0], 0.9)],
+                }
+            })
+            .collect();
+        let found = tracks(&frames, (120, 90), None);
+        assert_eq!(found[0].boxes.iter().flatten().count(), 4);
     }
 
     #[test]
