@@ -67,6 +67,7 @@ pub mod solver;
 pub(crate) mod sources;
 #[cfg(feature = "study")]
 pub mod study;
+pub(crate) mod surface;
 #[cfg(feature = "training")]
 pub mod training;
 pub mod visibility;

@@ -5,13 +5,14 @@
 //! nearest of all that fall into the pixel: the result does not depend on U and the plane is never built.
 //!
 //! A point set is no surface: where the points are sparser than the pixels, the far side shows between the
-//! points of the near side. [`Surfels`] (ours, not the paper's) close these gaps.
+//! points of the near side. A [`Cover`] (ours, not the paper's) closes these gaps.
 
-mod surfels;
+mod cover;
 
-pub(crate) use surfels::{Neighbourhoods, Surfels};
+pub(crate) use cover::Cover;
 
 use crate::geometry::{Pinhole, Pose, Vector3};
+use crate::surface::{Projected, pixel_of};
 
 /// The point of X that one pixel sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +30,8 @@ pub struct VisiblePoint {
 pub struct Visibility {
     /// The visible points, in row-major order of their pixels.
     pub points: Vec<VisiblePoint>,
-    /// Per point of X: whether nothing hides it. All of `points` are, and with surfels also those that share a
-    /// pixel with one of them and lie no more than a sample spacing behind it.
+    /// Per point of X: whether nothing hides it. All of `points` are, and with a cover also those that share a
+    /// pixel with one of them.
     pub unoccluded: Vec<bool>,
     /// Per point of X: the pixel that it falls into, counted row by row; `None` outside the image.
     pub cells: Vec<Option<u32>>,
@@ -38,52 +39,51 @@ pub struct Visibility {
 
 /// The points (xyz after xyz, object frame) that the camera sees in an image of `size` (width, height).
 ///
-/// Points behind the camera or outside the image are invisible; of several in one pixel the nearest is
-/// visible, the lowest index on a tie. With `surfels` of the same points, a point behind another's disc is
-/// invisible too; without, the result is the paper's.
+/// Points behind the camera or outside the image are invisible, and so are those that `cover` hides; of several in one pixel the nearest is
+/// visible, the lowest index on a tie. Without a cover, points hide others in their own pixel alone, as in the paper.
 pub fn visible_points(
     points: &[f64],
     camera: &Pinhole,
     camera_from_object: &Pose,
     size: (usize, usize),
-    surfels: Option<&Surfels>,
+    cover: Option<&Cover>,
 ) -> Visibility {
-    let in_camera: Vec<Vector3<f64>> = points
+    let projected: Vec<Option<Projected>> = points
         .chunks_exact(3)
-        .map(|x| camera_from_object.transform(&Vector3::new(x[0], x[1], x[2])))
+        .map(|x| {
+            Projected::new(
+                &camera_from_object.transform(&Vector3::new(x[0], x[1], x[2])),
+                camera,
+            )
+        })
         .collect();
-    let cells: Vec<Option<u32>> = in_camera
-        .iter()
-        .map(|point| camera.project(point).and_then(|u| cell(u.x, u.y, size)))
-        .collect();
-    let inverse_depths: Vec<f64> = in_camera.iter().map(|point| 1.0 / point.z).collect();
+    let cell = |p: Projected| pixel_of(p.u, p.v, size).map(|(column, row)| (row * size.0 + column) as u32);
+    let cells: Vec<Option<u32>> = projected.iter().map(|point| point.and_then(cell)).collect();
+    let hidden = cover.map(|cover| cover.hidden(&projected, camera, camera_from_object, size));
     let mut nearest = vec![NO_POINT; size.0 * size.1];
+    // Behind the camera nothing has a pixel.
+    let z = |index: u32| projected[index as usize].map_or(f64::INFINITY, |p| p.z);
     for (index, cell) in (0u32..).zip(&cells) {
         let &Some(cell) = cell else { continue };
+        if hidden.as_ref().is_some_and(|hidden| hidden[index as usize]) {
+            continue;
+        }
         let held = &mut nearest[cell as usize];
-        if *held == NO_POINT || inverse_depths[index as usize] > inverse_depths[*held as usize] {
+        if *held == NO_POINT || z(index) < z(*held) {
             *held = index;
         }
     }
-    if let Some(surfels) = surfels {
-        surfels.remove_occluded(
-            &in_camera,
-            camera,
-            &camera_from_object.rotation,
-            size,
-            &mut nearest,
-        );
-    }
-    let tolerance = surfels.map_or(0.0, Surfels::spacing);
-    let unoccluded = in_camera
-        .iter()
-        .zip(&cells)
-        .map(|(point, cell)| {
-            cell.map(|cell| nearest[cell as usize])
-                .filter(|&seen| seen != NO_POINT)
-                .is_some_and(|seen| point.z <= 1.0 / inverse_depths[seen as usize] + tolerance)
-        })
-        .collect();
+    let unoccluded = match hidden {
+        Some(hidden) => cells
+            .iter()
+            .zip(hidden)
+            .map(|(cell, hidden)| cell.is_some() && !hidden)
+            .collect(),
+        None => (0u32..)
+            .zip(&cells)
+            .map(|(index, cell)| cell.is_some_and(|cell| z(index) <= z(nearest[cell as usize])))
+            .collect(),
+    };
     let rows = (0u32..).zip(nearest.chunks_exact(size.0.max(1)));
     let visible = rows.flat_map(|(row, cells)| {
         let seen = (0u32..).zip(cells).filter(|&(_, &point)| point != NO_POINT);
@@ -94,7 +94,7 @@ pub fn visible_points(
             .map(|(column, row, point)| VisiblePoint {
                 pixel: (column, row),
                 point,
-                inverse_depth: inverse_depths[point as usize],
+                inverse_depth: 1.0 / z(point),
             })
             .collect(),
         unoccluded,
@@ -105,16 +105,13 @@ pub fn visible_points(
 /// Stands in a pixel that sees no point.
 const NO_POINT: u32 = u32::MAX;
 
-/// The pixel of the image point (`u`, `v`), counted row by row; `None` outside the image.
-fn cell(u: f64, v: f64, (width, height): (usize, usize)) -> Option<u32> {
-    (u >= 0.0 && v >= 0.0 && u < width as f64 && v < height as f64)
-        .then_some((v as usize * width + u as usize) as u32)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::cover::vectors;
     use super::*;
     use crate::geometry::Rotation3;
+    use crate::prior::LinearPrior;
+    use crate::surface::{ClosedMesh, Mesh, spacing};
     use proptest::prelude::*;
 
     const CAMERA: Pinhole = Pinhole {
@@ -162,9 +159,9 @@ mod tests {
     #[test]
     fn the_far_side_is_hidden_and_neighbours_in_one_pixel_are_not() {
         let points = sphere(4000);
-        let surfels = Surfels::new(&points);
+        let cover = Cover::around(&points);
         let pose = pose();
-        let seen = visible_points(&points, &CAMERA, &pose, SIZE, Some(&surfels));
+        let seen = visible_points(&points, &CAMERA, &pose, SIZE, Some(&cover));
         let centre = pose.transform(&Vector3::zeros());
         let (mut near, mut far) = ((0, 0), (0, 0));
         for (x, &unoccluded) in points.chunks_exact(3).zip(&seen.unoccluded) {
@@ -237,15 +234,19 @@ mod tests {
         for count in [500, 2000, 8000] {
             let points = sphere(count);
             let through = visible_points(&points, &CAMERA, &pose(), SIZE, None);
-            let surfels = Surfels::new(&points);
-            let seen = visible_points(&points, &CAMERA, &pose(), SIZE, Some(&surfels));
+            let cover = Cover::around(&points);
+            let seen = visible_points(&points, &CAMERA, &pose(), SIZE, Some(&cover));
             let near = |list: &[VisiblePoint]| list.iter().filter(|p| facing(&points, p.point) > 0.0).count();
             let far = |list: &[VisiblePoint], limb: f64| {
                 list.iter().filter(|p| facing(&points, p.point) < -limb).count()
             };
             assert!(far(&through.points, 0.2) > 0, "the test would show nothing");
             // The limb, where front and back are closer together than the samples, stays undecided.
-            assert_eq!(far(&seen.points, surfels.spacing() / 0.4), 0, "{count} points");
+            assert_eq!(
+                far(&seen.points, spacing(&vectors(&points)) / 0.4),
+                0,
+                "{count} points"
+            );
             assert!(
                 near(&seen.points) as f64 >= 0.95 * near(&through.points) as f64,
                 "{count} points"
@@ -253,7 +254,7 @@ mod tests {
         }
     }
 
-    /// A stretched shape has the same discs by its own neighbours and by those that its points had before.
+    /// A stretched shape has the same triangles by its own neighbours and by those that its points had before.
     #[test]
     fn neighbours_stay_when_the_shape_changes() {
         let points = sphere(3000);
@@ -261,10 +262,10 @@ mod tests {
             .chunks_exact(3)
             .flat_map(|x| [x[0], 1.1 * x[1], x[2]])
             .collect();
-        let own = Surfels::new(&stretched);
-        let kept = Surfels::among(&Neighbourhoods::of(&points), &stretched);
-        assert!((own.spacing() / kept.spacing() - 1.0).abs() < 0.01);
-        let seen = |surfels: &Surfels| visible_points(&stretched, &CAMERA, &pose(), SIZE, Some(surfels));
+        let own = Cover::around(&stretched);
+        let prior = LinearPrior::new(points.clone(), vec![], 0, vec![[0.0, 0.0, -1.0]; 3000]).unwrap();
+        let kept = Cover::of(&prior, &[], &points).at(&prior, &[], &stretched);
+        let seen = |cover: &Cover| visible_points(&stretched, &CAMERA, &pose(), SIZE, Some(cover));
         let (own, kept) = (seen(&own), seen(&kept));
         let differing = own
             .unoccluded
@@ -275,27 +276,51 @@ mod tests {
     }
 
     #[test]
-    fn few_or_coinciding_points_have_discs_too() {
+    fn few_or_coinciding_points_have_a_cover_too() {
         for points in [vec![], vec![0.0, 0.0, 1.0], [0.1, 0.2, 1.0].repeat(20)] {
-            let surfels = Surfels::new(&points);
-            let seen = visible_points(&points, &CAMERA, &Pose::identity(), SIZE, Some(&surfels));
+            let cover = Cover::around(&points);
+            let seen = visible_points(&points, &CAMERA, &Pose::identity(), SIZE, Some(&cover));
             assert_eq!(seen.points.len(), points.len().min(1));
-            assert_eq!(surfels.spacing(), 0.0);
         }
     }
 
-    /// What discs hide, looked for disc by disc and pixel by pixel, without the shortcuts.
+    /// A mesh hides what is behind it wherever the image's pixels lie, and nothing of itself.
     #[test]
-    fn shortcuts_hide_what_all_discs_hide() {
-        for count in [500, 2000, 8000] {
-            let points = sphere(count);
-            let surfels = Surfels::new(&points);
-            let through = visible_points(&points, &CAMERA, &pose(), SIZE, None);
-            let seen = visible_points(&points, &CAMERA, &pose(), SIZE, Some(&surfels));
-            let hidden = surfels.hidden_literally(&points, &CAMERA, &pose(), &through.points);
-            let kept = through.points.iter().zip(hidden).filter(|(_, hidden)| !hidden);
-            let kept: Vec<VisiblePoint> = kept.map(|(point, _)| *point).collect();
-            assert_eq!(seen.points, kept, "{count} points");
+    fn a_mesh_hides_what_lies_behind_it_and_not_itself() {
+        let corner = |x: f64, y: f64| Vector3::new(x, y, 2.0 + x);
+        let mesh = Mesh {
+            vertices: vec![corner(-0.3, -0.3), corner(0.3, -0.3), corner(0.0, 0.4)],
+            // The camera, from which y points down, sees it counter-clockwise.
+            faces: vec![[0, 2, 1]],
+        };
+        let weights = |i: usize| {
+            let (a, b) = ((i % 20) as f64 / 20.0, (i / 20) as f64 / 20.0);
+            (a + b <= 1.0).then_some([1.0 - a - b, a, b])
+        };
+        let on: Vec<Vector3<f64>> = (0..400)
+            .filter_map(weights)
+            .map(|w| mesh.vertices[0] * w[0] + mesh.vertices[1] * w[1] + mesh.vertices[2] * w[2])
+            .collect();
+        let at = |scale: f64| on.iter().flat_map(move |x| <[f64; 3]>::from(x * scale));
+        // On the same rays: nearer, on the mesh, behind it, and behind the camera.
+        let points: Vec<f64> = at(0.9).chain(at(1.0)).chain(at(1.1)).chain(at(-1.0)).collect();
+        for size in [SIZE, (9, 7)] {
+            let scale = size.0 as f64 / SIZE.0 as f64;
+            let camera = Pinhole {
+                fx: CAMERA.fx * scale,
+                fy: CAMERA.fy * scale,
+                cx: CAMERA.cx * scale,
+                cy: CAMERA.cy * scale,
+            };
+            let cover = Cover::Mesh(ClosedMesh::new(mesh.clone()));
+            let seen = visible_points(&points, &camera, &Pose::identity(), size, Some(&cover));
+            let unoccluded = |block: usize| &seen.unoccluded[block * on.len()..(block + 1) * on.len()];
+            assert!(unoccluded(0).iter().all(|&seen| seen));
+            assert!(unoccluded(1).iter().all(|&seen| seen));
+            // But on the mesh's own outline, where rounding decides.
+            let hidden = unoccluded(2).iter().filter(|&&seen| !seen).count();
+            assert!(hidden >= on.len() - 60, "{hidden} of {}", on.len());
+            assert!(!unoccluded(3).iter().any(|&seen| seen));
         }
     }
 
@@ -309,9 +334,9 @@ mod tests {
             })
         };
         let points: Vec<f64> = plane(0.0).chain(plane(0.5)).collect();
-        let surfels = Surfels::new(&points);
+        let cover = Cover::around(&points);
         let all = visible_points(&points, &CAMERA, &Pose::identity(), SIZE, None);
-        let seen = visible_points(&points, &CAMERA, &Pose::identity(), SIZE, Some(&surfels));
+        let seen = visible_points(&points, &CAMERA, &Pose::identity(), SIZE, Some(&cover));
         let front = |list: &Visibility| list.points.iter().filter(|p| p.point < 1600).count();
         assert_eq!(front(&seen), front(&all));
         assert!(front(&all) > 1000);
@@ -344,7 +369,7 @@ mod tests {
         let near = |p: &&VisiblePoint| points[3 * p.point as usize..][..3].iter().any(|&x| x < -0.299);
         let count = |seen: &Visibility| seen.points.iter().filter(near).count();
         let all = visible_points(&points, &CAMERA, &pose, SIZE, None);
-        let seen = visible_points(&points, &CAMERA, &pose, SIZE, Some(&Surfels::new(&points)));
+        let seen = visible_points(&points, &CAMERA, &pose, SIZE, Some(&Cover::around(&points)));
         assert!(
             all.points.len() - count(&all) > 500,
             "the test would show nothing"

@@ -42,6 +42,7 @@ pub struct CKnownInverseDepth {
     pixel: [f64; 2],
     inverse_depth: f64,
     slope: [f64; 2],
+    weight: f64,
 }
 
 impl From<&KnownInverseDepth> for CKnownInverseDepth {
@@ -52,6 +53,7 @@ impl From<&KnownInverseDepth> for CKnownInverseDepth {
             pixel: known.pixel,
             inverse_depth: known.inverse_depth,
             slope: known.slope,
+            weight: known.weight,
         }
     }
 }

@@ -340,7 +340,8 @@ std::unique_ptr<Visibility> new_visibility(const Problem& problem, const Visibil
                                {footage.frames[seen.frame].camera,
                                 {seen.column, seen.row},
                                 seen.inverse_depth,
-                                {seen.by_column, seen.by_row}}};
+                                {seen.by_column, seen.by_row}},
+                               seen.weight};
       });
   Require(input.silhouette_weights.size() <= static_cast<size_t>(points), "no such point");
   visibility.silhouette_weights.assign(input.silhouette_weights.begin(), input.silhouette_weights.end());

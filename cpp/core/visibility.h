@@ -44,6 +44,8 @@ struct Comparison {
 struct SeenDepth {
   uint32_t frame;
   InverseDepthError error;
+  // Against one that is exact.
+  double weight;
 };
 
 struct Visibility {

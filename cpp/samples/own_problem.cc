@@ -22,7 +22,7 @@ constexpr int kThreads = 2;
 constexpr int kSteps = 12;
 // Fewer points and pixels than the solver's own: the residuals are blocks of their own here.
 constexpr char kOptions[] =
-    "[objective]\npoints = 2048\nsilhouette_points = 1024\nsilhouette_pixels = 1000\n"
+    "[objective]\npoints = 3072\nsilhouette_points = 1024\nsilhouette_pixels = 1000\n"
     "silhouette_targets = 8192\n";
 
 struct State {

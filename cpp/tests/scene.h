@@ -128,7 +128,8 @@ struct Scene {
     of.clear();
     for (int j = 0; j < kPoints; j += 2) {
       for (uint32_t l = 0; l < kFrames; ++l) {
-        depths.push_back({l, {camera, {20.5 + j % 9, 18.5}, 0.5 + 0.002 * (j % 17), {0.001, -0.002}}});
+        depths.push_back(
+            {l, {camera, {20.5 + j % 9, 18.5}, 0.5 + 0.002 * (j % 17), {0.001, -0.002}}, 1.0 / (1 + j % 3)});
         of.push_back(j);
       }
     }

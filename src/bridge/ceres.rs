@@ -146,6 +146,8 @@ pub mod ffi {
         by_column: f64,
         /// Derivative of d' by the row, per pixel.
         by_row: f64,
+        /// What it weighs against one that is exact.
+        weight: f64,
     }
 
     /// What is compared at some estimate.

@@ -1,7 +1,7 @@
 //! The measures of Sec. 3.2 that one pose has, the shape's Chamfer distance, and summaries over frames.
 
 use crate::geometry::{Pose, Rotation3, Vector3};
-use crate::report::Neighbours;
+use crate::surface::Neighbours;
 
 /// The angle of the rotation between the two, in \[0°, 180°\].
 pub fn orientation_error_deg(a: &Rotation3<f64>, b: &Rotation3<f64>) -> f64 {

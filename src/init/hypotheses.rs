@@ -197,6 +197,7 @@ mod tests {
     use crate::init::silhouette::Observation;
     use crate::init::testing::{BoxCar, CAMERA, sequence};
     use crate::prior::ShapePrior;
+    use crate::visibility::Cover;
 
     /// What [`search`] finds from one frame's mask alone; nothing where it is empty.
     fn pose_hypotheses(
@@ -212,7 +213,12 @@ mod tests {
             target,
             reconstruction: None,
         };
-        let found = search(&evidence, &Shape::new(points), options, &|| true);
+        let found = search(
+            &evidence,
+            &Shape::new(points, Some(Cover::around(points))),
+            options,
+            &|| true,
+        );
         found
             .into_iter()
             .map(|candidate| candidate.hypothesis())

@@ -10,10 +10,13 @@ use crate::geometry::Pose;
 use crate::image::{DepthMap, halve_depth, halve_mask};
 use crate::prior::ShapePrior;
 use crate::sequence::{Frame, Sequence};
+use crate::visibility::Cover;
 use rayon::prelude::*;
 
 /// Depth is compared at a resolution of at most this many columns: α needs no more.
 const DEPTH_COLUMNS: usize = 128;
+/// Or of so many, where few points are to hide each other.
+const COARSE_DEPTH_COLUMNS: usize = 32;
 
 /// Options of [`initialise`].
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -158,7 +161,8 @@ pub fn initialise_while(
                 .skip(1)
                 .map(|&frame| observations[frame].clone())
                 .collect(),
-            depth: target_depth(&sequence.frames[target]),
+            depth: target_depth(&sequence.frames[target], DEPTH_COLUMNS),
+            coarse_depth: target_depth(&sequence.frames[target], COARSE_DEPTH_COLUMNS),
         }
     });
     let evidence = Evidence {
@@ -166,7 +170,7 @@ pub fn initialise_while(
         reconstruction,
     };
 
-    let shape = Shape::new(&points);
+    let shape = Shape::new(&points, Some(Cover::of(prior, style, &points)));
     let candidates = search(&evidence, &shape, &options.hypotheses, go_on);
     if !go_on() {
         return Err(InitError::Interrupted);
@@ -236,7 +240,7 @@ pub fn initialise_at(
     }
     let mut points = vec![0.0; 3 * options.points.min(prior.point_count())];
     prior.points(style, &mut points);
-    let shape = Shape::new(&points);
+    let shape = Shape::new(&points, Some(Cover::of(prior, style, &points)));
     let ious: Vec<f64> = observe(sequence)?
         .iter()
         .zip(&estimate.camera_from_object)
@@ -358,15 +362,15 @@ fn spread(total: usize, count: usize) -> Vec<usize> {
     (0..count).map(|i| i * (total - 1) / (count - 1).max(1)).collect()
 }
 
-/// The target's depth within its mask, reduced; `None` where nothing is known.
-fn target_depth(frame: &Frame) -> Option<TargetDepth> {
+/// The target's depth within its mask, reduced to at most so many columns; `None` where nothing is known.
+fn target_depth(frame: &Frame, columns: usize) -> Option<TargetDepth> {
     let given = frame.depth.as_ref()?;
     let mut mask = frame.mask.clone();
     let within = given.data().iter().zip(mask.data());
     let within = within.map(|(&z, &inside)| if inside && z.is_finite() { z } else { 0.0 });
     let mut depth = DepthMap::from_vec(mask.width(), mask.height(), within.collect())?;
     let mut camera = frame.camera;
-    while mask.width() > DEPTH_COLUMNS {
+    while mask.width() > columns {
         (depth, mask) = (halve_depth(&depth), halve_mask(&mask));
         camera = camera.scaled(0.5, 0.5);
     }

@@ -7,7 +7,8 @@ use super::scale::scale_from_inverse_depth;
 use super::silhouette::{Observation, Silhouette};
 use crate::geometry::{Matrix3, Matrix4, Pinhole, Pose, Rotation3, Vector2, Vector3, Vector4};
 use crate::image::{DepthMap, Mask};
-use crate::visibility::{Surfels, visible_points};
+use crate::surface::spacing;
+use crate::visibility::{Cover, visible_points};
 
 /// No part of an object of diagonal 1 is then behind the camera.
 const MIN_DEPTH: f64 = 0.55;
@@ -29,23 +30,28 @@ pub(super) struct Shape {
     points: Vec<f64>,
     /// The same points, laid out for rendering.
     cloud: Cloud,
-    surfels: Surfels,
+    /// The median distance from a point to its nearest neighbour.
+    spacing: f64,
+    /// What hides points; `None` where there are so few of them that they hide each other in coarse pixels.
+    cover: Option<Cover>,
 }
 
 impl Shape {
-    /// Of points sampled evenly from a surface (xyz after xyz, object frame).
-    pub fn new(points: &[f64]) -> Self {
+    /// Of points sampled evenly from a surface (xyz after xyz, object frame), and what hides them.
+    pub fn new(points: &[f64], cover: Option<Cover>) -> Self {
+        let vectors: Vec<_> = points.chunks_exact(3).map(Vector3::from_column_slice).collect();
         Self {
             points: points.to_vec(),
-            cloud: points.chunks_exact(3).map(Vector3::from_column_slice).collect(),
-            surfels: Surfels::new(points),
+            spacing: spacing(&vectors),
+            cloud: vectors.into_iter().collect(),
+            cover,
         }
     }
 
-    /// The shape of the first points alone, a share of all.
+    /// The shape of the first points alone, a share of all: rough, and quick.
     pub fn first(&self, share: f64) -> Self {
         let count = (share * (self.points.len() / 3) as f64).ceil() as usize;
-        Self::new(&self.points[..3 * count])
+        Self::new(&self.points[..3 * count], None)
     }
 
     /// Lowest and highest corner of its image's bounding box, pixels; `None` where it is behind the camera.
@@ -57,7 +63,7 @@ impl Shape {
 
     /// The shape's silhouette in `frame`.
     pub fn render(&self, frame: &Observation, camera_from_object: &Pose) -> Silhouette {
-        frame.render(&self.cloud, self.surfels.spacing(), camera_from_object)
+        frame.render(&self.cloud, self.spacing, camera_from_object)
     }
 }
 
@@ -74,6 +80,8 @@ pub(super) struct Reconstruction {
     /// The observations of the chosen source frames.
     pub sources: Vec<Observation>,
     pub depth: Option<TargetDepth>,
+    /// The same in coarse pixels, for few points.
+    pub coarse_depth: Option<TargetDepth>,
 }
 
 /// The target's off-the-shelf depth, at any resolution.
@@ -282,13 +290,17 @@ impl Evidence {
 impl Reconstruction {
     /// α by Eq. 11.
     fn scale(&self, shape: &Shape, target_from_object: &Pose) -> Option<f64> {
-        let TargetDepth { depth, mask, camera } = self.depth.as_ref()?;
+        let known = match &shape.cover {
+            Some(_) => &self.depth,
+            None => &self.coarse_depth,
+        };
+        let TargetDepth { depth, mask, camera } = known.as_ref()?;
         let seen = visible_points(
             &shape.points,
             camera,
             target_from_object,
             mask.size(),
-            Some(&shape.surfels),
+            shape.cover.as_ref(),
         );
         scale_from_inverse_depth(&seen, mask, depth).filter(|&alpha| alpha > 0.0)
     }

@@ -39,6 +39,8 @@ pub struct KnownInverseDepth {
     pub inverse_depth: f64,
     /// The change of `inverse_depth` by one pixel along the columns and along the rows.
     pub slope: [f64; 2],
+    /// What it weighs against one that is exact: a factor on what [`Correspondences::inverse_depth`] says.
+    pub weight: f64,
 }
 
 /// Who is nearest to whom in one frame (Eq. 5). The lists keep their lengths.
@@ -166,6 +168,7 @@ impl Correspondences {
                 pixel: [seen.column, seen.row],
                 inverse_depth: seen.inverse_depth * unit,
                 slope: [seen.by_column * unit, seen.by_row * unit],
+                weight: seen.weight,
             })
             .collect();
         for (matches, weight) in self.silhouettes.iter_mut().zip(&self.point_weight) {

@@ -34,6 +34,8 @@ struct KnownDepth {
     inverse_depth: f64,
     by_column: f64,
     by_row: f64,
+    /// The standard deviation of d'; 0 where it is not known.
+    deviation: f64,
 }
 
 impl KnownDepths {
@@ -59,6 +61,7 @@ impl KnownDepths {
                 inverse_depth,
                 by_column,
                 by_row,
+                deviation: inverse_depth * share_of_deviation(frame, (column, row)),
             });
             index
         });
@@ -70,8 +73,9 @@ impl KnownDepths {
     }
 
     /// d' where the `visible` points are seen, in units in which α is about 1: where it is known, inside the mask only.
-    /// `frame` is the frame's index.
-    pub fn seen(&self, frame: usize, visible: &Visibility, input_unit: f64) -> Vec<SeenDepth> {
+    /// `frame` is the frame's index. A depth whose standard deviation is the `huber` width of the residuals, in the same units, weighs half of an
+    /// exact one: the width says how far depths are off that say nothing of themselves.
+    pub fn seen(&self, frame: usize, visible: &Visibility, input_unit: f64, huber: f64) -> Vec<SeenDepth> {
         let on_point = visible.points.iter().filter_map(|point| {
             let (column, row) = point.pixel;
             let &index = self.at_pixel.get(column as usize, row as usize)?;
@@ -87,6 +91,7 @@ impl KnownDepths {
                 inverse_depth: depth.inverse_depth / input_unit,
                 by_column: depth.by_column / input_unit,
                 by_row: depth.by_row / input_unit,
+                weight: 1.0 / (1.0 + (depth.deviation / input_unit / huber).powi(2)),
             })
             .collect()
     }
@@ -134,6 +139,13 @@ fn window(pixel: (usize, usize), reach: isize) -> impl Iterator<Item = ((isize, 
 fn known(frame: &Frame, pixel: (usize, usize)) -> Option<f64> {
     let z = f64::from(*frame.depth.as_ref()?.get(pixel.0, pixel.1)?);
     (frame.mask[pixel] && z > 0.0).then(|| 1.0 / z)
+}
+
+fn share_of_deviation(frame: &Frame, pixel: (usize, usize)) -> f64 {
+    let deviations = frame.depth_deviation.as_ref();
+    deviations
+        .and_then(|grid| grid.get(pixel.0, pixel.1))
+        .map_or(0.0, |&share| f64::from(share))
 }
 
 /// The least-squares plane's slope through d' around `pixel`, per column and per row; zero where too few
@@ -226,7 +238,7 @@ mod tests {
         };
         let points = at(&[(0, 0), (4, 1), (6, 5), (7, 7)]);
         let places = |frame: &Frame| -> Vec<(u32, f64, f64)> {
-            let seen = KnownDepths::new(frame).seen(0, &points, 1.0);
+            let seen = KnownDepths::new(frame).seen(0, &points, 1.0, 0.1);
             seen.iter().map(|d| (d.point, d.column, d.row)).collect()
         };
         let lone = frame(|column, row| {
@@ -241,6 +253,33 @@ mod tests {
         assert_eq!(places(&far), []);
         let dense = frame(|_, _| 2.0);
         assert_eq!(places(&dense).len(), 4);
+    }
+
+    /// d' = 0.5 with deviations of 0, 20 and 40 % against a Huber width of 0.1.
+    #[test]
+    fn an_uncertain_depth_weighs_less() {
+        let mut uncertain = frame(|_, _| 2.0);
+        uncertain.depth_deviation = Some(Grid::from_fn(9, 8, |column, _| 0.2 * column as f32));
+        let points = Visibility {
+            points: (0..3)
+                .map(|column| VisiblePoint {
+                    point: column,
+                    pixel: (column, 4),
+                    inverse_depth: 0.5,
+                })
+                .collect(),
+            ..Visibility::default()
+        };
+        let weights = |unit: f64, huber: f64| -> Vec<f64> {
+            let seen = KnownDepths::new(&uncertain).seen(0, &points, unit, huber);
+            seen.iter().map(|depth| depth.weight).collect()
+        };
+        for (found, expected) in weights(1.0, 0.1).iter().zip([1.0, 0.5, 0.2]) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        }
+        // The same depths in other units, and a width that none comes near.
+        assert_eq!(weights(2.0, 0.05), weights(1.0, 0.1));
+        assert!(weights(1.0, 100.0).iter().all(|&weight| weight > 1.0 - 1e-4));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::image::Grid;
 use crate::init::Estimate;
 use crate::prior::ShapePrior;
 use crate::sequence::Frame;
-use crate::visibility::{Neighbourhoods, Surfels, Visibility as Seen, visible_points};
+use crate::visibility::{Cover, Visibility as Seen, visible_points};
 use std::sync::Arc;
 
 /// What does not depend on the estimate.
@@ -18,8 +18,8 @@ pub(super) struct Matcher {
     depths: Arc<[KnownDepths]>,
     outside_px: Arc<[Grid<u8>]>,
     pub prior: Arc<dyn ShapePrior>,
-    /// Of the points that are looked at, in the prior's mean shape.
-    pub neighbourhoods: Neighbourhoods,
+    /// What hides the points that are looked at in the mean shape.
+    cover_at_rest: Cover,
     /// With the number of points in use, and what the sequence says of itself.
     pub options: ObjectiveOptions,
     pub threads: usize,
@@ -47,12 +47,13 @@ impl Matcher {
             focal_deviation: options.focal_deviation.or(sequence.focal_deviation),
             ..options.clone()
         };
+        let no_style = vec![0.0; prior.style_len()];
         let mut mean = vec![0.0; 3 * options.points];
-        prior.points(&vec![0.0; prior.style_len()], &mut mean);
+        prior.points(&no_style, &mut mean);
         Self {
             depths: footage.depths.clone(),
             outside_px: footage.outside_px.clone(),
-            neighbourhoods: Neighbourhoods::of(&mean),
+            cover_at_rest: Cover::of(&*prior, &no_style, &mean),
             prior,
             pairs: options.pairs.of(sequence.frames.len(), target),
             options,
@@ -73,22 +74,28 @@ impl Matcher {
         points
     }
 
+    /// What hides points, X(s) of those in use.
+    pub fn cover(&self, style: &[f64], points: &[f64]) -> Cover {
+        self.cover_at_rest.at(&*self.prior, style, points)
+    }
+
     /// What is compared between `frames`, those of the footage, at `estimate`.
     pub fn find(&self, frames: &[Frame], estimate: &Estimate, level: usize) -> ffi::VisibilityInput {
         let points = self.points(&estimate.style);
-        let surfels = Surfels::among(&self.neighbourhoods, &points);
+        let cover = self.cover(&estimate.style, &points);
         let photometric = self.options.photometric_weight > 0.0;
-        let (known_depths, input_unit) = (&self.depths, self.input_unit);
+        let (known_depths, input_unit, huber) =
+            (&self.depths, self.input_unit, self.options.inverse_depth_huber);
         let seen = threads::map(frames.len(), self.threads, |l| {
             let (frame, pose) = (&frames[l], &estimate.camera_from_object[l]);
             let camera = estimate.camera(&frame.camera);
-            let seen = visible_points(&points, &camera, pose, frame.image.size(), Some(&surfels));
+            let seen = visible_points(&points, &camera, pose, frame.image.size(), Some(&cover));
             let inside = if photometric {
                 inside_mask(&seen, frame)
             } else {
                 Vec::new()
             };
-            let depths = known_depths[l].seen(l, &seen, input_unit);
+            let depths = known_depths[l].seen(l, &seen, input_unit, huber);
             (seen, inside, depths)
         });
         let mut input = ffi::VisibilityInput {

@@ -8,7 +8,7 @@ use super::learn::{Correspondences, LearnError};
 use super::{LearnedPrior, Learner, ShapePrior};
 use crate::cad::orbit;
 use crate::geometry::{Pinhole, Pose};
-use crate::visibility::{Surfels, visible_points};
+use crate::visibility::{Cover, visible_points};
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use rayon::prelude::*;
 
@@ -85,13 +85,13 @@ fn seen(shape: &[V3], camera_from_object: &Pose) -> Vec<bool> {
         cx: side / 2.0,
         cy: side / 2.0,
     };
-    let surfels = Surfels::new(&points);
+    let cover = Cover::around(&points);
     visible_points(
         &points,
         &camera,
         camera_from_object,
         (IMAGE_PX, IMAGE_PX),
-        Some(&surfels),
+        Some(&cover),
     )
     .unoccluded
 }

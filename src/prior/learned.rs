@@ -2,12 +2,13 @@
 //! few matrix products.
 
 use super::deviations::FrameDerivative;
-#[cfg(feature = "cad")]
-use super::learn::spacing;
 use super::linear::InvalidPrior;
 use super::surface::{FreeForm, SurfacePrior};
-use super::{LinearPrior, ShapePrior};
+use super::{AxisStyles, LinearPrior, ShapePrior};
 use crate::geometry::Similarity;
+use crate::surface::Mesh;
+#[cfg(feature = "cad")]
+use crate::surface::spacing;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Vector3};
 use std::sync::Arc;
 
@@ -169,6 +170,10 @@ impl ShapePrior for LearnedPrior {
         self.hidden.is_empty().then(|| self.output.basis())
     }
 
+    fn mesh(&self, style: &[f64]) -> Option<Mesh> {
+        self.surface().map(|surface| surface.whole(style, &[]))
+    }
+
     fn canonical_from_shape(&self, style: &[f64], free_form: &[f64]) -> Option<Similarity> {
         self.surface()?.canonical_from_shape(style, free_form)
     }
@@ -182,11 +187,11 @@ impl ShapePrior for LearnedPrior {
     }
 
     fn freed(&self, form: FreeForm) -> Result<Option<Arc<dyn ShapePrior>>, InvalidPrior> {
-        let Some(surface) = self.surface().filter(|_| self.form_len(form) > 0) else {
+        let Some(surface) = self.surface.clone().filter(|_| self.form_len(form) > 0) else {
             return Ok(None);
         };
-        let freed = surface.at_points(FREED_POINTS.min(self.point_count()), form)?;
-        Ok(Some(Arc::new(freed)))
+        let points = surface.at_points(FREED_POINTS.min(self.point_count()), form)?;
+        Ok(Some(Arc::new(Freed { points, surface })))
     }
 
     fn jacobian(&self, style: &[f64], jacobian: &mut [f64]) {
@@ -203,6 +208,43 @@ impl ShapePrior for LearnedPrior {
         jacobian.copy_from(&basis.rows(0, self.style_len));
         let of_hidden = basis.rows(self.style_len, width - self.style_len);
         jacobian.gemm_tr(1.0, &hidden_by_style, &of_hidden, 1.0);
+    }
+}
+
+/// A prior of surfaces with a free form: its style is (s, g).
+struct Freed {
+    points: LinearPrior,
+    surface: Arc<SurfacePrior>,
+}
+
+impl ShapePrior for Freed {
+    fn style_len(&self) -> usize {
+        self.points.style_len()
+    }
+
+    fn point_count(&self) -> usize {
+        self.points.point_count()
+    }
+
+    fn points(&self, style: &[f64], points: &mut [f64]) {
+        self.points.points(style, points);
+    }
+
+    fn jacobian(&self, style: &[f64], jacobian: &mut [f64]) {
+        self.points.jacobian(style, jacobian);
+    }
+
+    fn constant_jacobian(&self) -> Option<&[f64]> {
+        self.points.constant_jacobian()
+    }
+
+    fn mesh(&self, style: &[f64]) -> Option<Mesh> {
+        let (style, form) = style.split_at(self.surface.style_len());
+        Some(self.surface.whole(style, form))
+    }
+
+    fn axis_styles(&self) -> &[AxisStyles] {
+        self.points.axis_styles()
     }
 }
 

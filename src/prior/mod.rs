@@ -43,6 +43,7 @@ pub use sheet::contact_sheet;
 pub use surface::{FreeForm, SurfacePoint, SurfacePrior};
 
 use crate::geometry::Similarity;
+use crate::surface::Mesh;
 use std::sync::Arc;
 
 /// Styles, one after another, that move points along the same axis.
@@ -73,6 +74,12 @@ pub trait ShapePrior: Send + Sync {
 
     /// ∂X/∂s of all N points where it is the same at every style, laid out as by [`ShapePrior::jacobian`].
     fn constant_jacobian(&self) -> Option<&[f64]> {
+        None
+    }
+
+    /// The closed surface that the points of X(s) lie on; `None` where this prior knows points alone.
+    fn mesh(&self, style: &[f64]) -> Option<Mesh> {
+        let _ = style;
         None
     }
 

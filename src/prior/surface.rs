@@ -6,6 +6,7 @@ use super::field::FieldModes;
 use super::linear::{InvalidPrior, LinearPrior};
 use super::mesh::{MirroredMesh, body_box, subdivided};
 use crate::geometry::{BODY_BEYOND, Rotation3, Similarity, mirror};
+use crate::surface::Mesh;
 use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;
@@ -196,6 +197,14 @@ impl SurfacePrior {
             .map(|(s, a)| s + a)
             .chain(others)
             .collect()
+    }
+
+    /// [`SurfacePrior::vertices`] and the faces between them.
+    pub fn whole(&self, style: &[f64], form: &[f64]) -> Mesh {
+        Mesh {
+            vertices: self.vertices(style, form),
+            faces: self.mesh.faces(),
+        }
     }
 
     /// From the frame of (s, g)'s vertices to the canonical one: theirs is where likelihood puts the shape, the canonical one is that of

@@ -1,9 +1,10 @@
 //! Colours of the shape's points, gathered from the frames in which they are visible.
 
-use super::{Neighbours, Surface, ZBuffer};
+use super::{Surface, ZBuffer};
 use crate::geometry::{Pose, Vector3};
 use crate::image::RgbImage;
 use crate::sequence::Frame;
+use crate::surface::Neighbours;
 
 /// A twin counts if it lies within this many sample spacings of the mirrored point.
 const TWIN_SPACINGS: f64 = 3.0;
@@ -31,13 +32,14 @@ impl ColourGatherer {
     }
 
     /// Adds the visible points that project into the frame's mask, weighted by the squared cosine between normal
-    /// and line of sight: a point seen head-on is sharpest and least likely to show its neighbour.
+    /// and line of sight: a point seen head-on is sharpest and least likely to show its neighbour. `gain` evens the frame's exposure.
     pub(super) fn add(
         &mut self,
         frame: &Frame,
         camera_from_object: &Pose,
         surface: &Surface,
         view: &ZBuffer,
+        gain: [f64; 3],
     ) {
         for &point in &view.visible {
             let i = point as usize;
@@ -56,8 +58,8 @@ impl ColourGatherer {
             let weight = (normal.dot(&in_camera) / in_camera.norm()).powi(2);
             let colour = bilinear(&frame.image, pixel.x, pixel.y);
             let (sum, total) = &mut self.sums[i];
-            for (sum, part) in sum.iter_mut().zip(colour) {
-                *sum += weight * part;
+            for (sum, (part, gain)) in sum.iter_mut().zip(colour.into_iter().zip(gain)) {
+                *sum += weight * gain * part;
             }
             *total += weight;
         }
@@ -174,7 +176,7 @@ mod tests {
         let surface = Surface::from_points(plate(0.0).chain(plate(0.5)).collect());
         let view = surface.render(&frame.camera, &camera_from_object, frame.image.size());
         let mut gatherer = ColourGatherer::new(surface.points().len());
-        gatherer.add(&frame, &camera_from_object, &surface, &view);
+        gatherer.add(&frame, &camera_from_object, &surface, &view, [1.0; 3]);
         let colours = gatherer.finish(&surface);
         // 19 of 23 columns project left of pixel 26: u = 20 + 20 x, x up to 0.28.
         assert_eq!((colours.seen, colours.mirrored), (19 * 11, 4 * 11));

@@ -1,12 +1,11 @@
 //! What the solved shape looks like in a camera: points with the small facets around them, and a z-buffer.
 
-use super::Neighbours;
-use super::facets;
-use crate::geometry::{Pinhole, Pose, Similarity, Vector3, tangent_plane};
+use crate::geometry::{Pinhole, Pose, Similarity, Vector3};
 use crate::image::{DepthMap, Grid, Mask};
 use crate::init::Estimate;
 use crate::prior::{LearnedPrior, ShapePrior, subdivided};
 use crate::solver::Solution;
+use crate::surface::{Facets, InCamera, median, pixel_of};
 use std::sync::Arc;
 
 /// Points on a surface, each with a footprint: the facets that join it to its neighbours. Object frame and units.
@@ -108,35 +107,16 @@ impl Surface {
     /// Estimates facets, normals (least-squares planes, turned away from the centroid) and spacing from the points
     /// alone (N × 3, object frame).
     pub fn from_points(points: Vec<Vector3<f64>>) -> Self {
-        let tree = Neighbours::new(&points);
-        let rings: Vec<_> = points
-            .iter()
-            .map(|point| tree.nearest(point, facets::RING + 1))
-            .collect();
-        let centroid = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-        let normals: Vec<_> = points
-            .iter()
-            .zip(&rings)
-            .map(|(point, ring)| {
-                let around: Vec<_> = ring.iter().map(|&(i, _)| points[i]).collect();
-                let (normal, _) = tangent_plane(&around);
-                if normal.dot(&(point - centroid)) < 0.0 {
-                    -normal
-                } else {
-                    normal
-                }
-            })
-            .collect();
+        let Facets {
+            faces,
+            normals,
+            spacing,
+        } = Facets::around(&points);
         Self {
-            facets: facets::around_points(&points, &normals, &rings),
-            spacing: median(
-                rings
-                    .iter()
-                    .filter_map(|ring| ring.get(1))
-                    .map(|&(_, distance)| distance),
-            ),
             points,
             normals,
+            facets: faces,
+            spacing,
             deviations: Vec::new(),
             mesh: None,
         }
@@ -240,121 +220,65 @@ impl Surface {
         self.spacing
     }
 
+    /// The points that the near side does not hide, ascending.
+    pub(super) fn visible(
+        &self,
+        camera: &Pinhole,
+        camera_from_object: &Pose,
+        size: (usize, usize),
+    ) -> Vec<u32> {
+        let drawn = InCamera::new(&self.points, &self.facets, camera, camera_from_object);
+        self.unhidden(&drawn, size)
+    }
+
+    fn unhidden(&self, drawn: &InCamera, size: (usize, usize)) -> Vec<u32> {
+        // A facet may stand out before its points by its sag.
+        let hidden = drawn.hidden(drawn.vertices(), size, self.spacing);
+        (0u32..)
+            .zip(drawn.vertices().iter().zip(hidden))
+            .filter(|(_, (place, hidden))| {
+                !hidden && place.is_some_and(|p| pixel_of(p.u, p.v, size).is_some())
+            })
+            .map(|(i, _)| i)
+            .collect()
+    }
+
     /// Draws the shape into a `size` = (width, height) image. Every point in front of the camera covers at least
     /// the pixel that holds it; points behind the camera are skipped, with the facets that touch them.
     pub fn render(&self, camera: &Pinhole, camera_from_object: &Pose, size: (usize, usize)) -> ZBuffer {
-        let mut canvas = Canvas {
-            depth: Grid::filled(size.0, size.1, 0.0),
-            index: Grid::filled(size.0, size.1, None),
+        let drawn = InCamera::new(&self.points, &self.facets, camera, camera_from_object);
+        let mut depth: DepthMap = Grid::filled(size.0, size.1, 0.0);
+        let mut index = Grid::filled(size.0, size.1, None);
+        let mut keep_nearest = |depth: &mut DepthMap, pixel: (usize, usize), z: f64, point: u32| {
+            let z = z as f32;
+            if depth[pixel] == 0.0 || z < depth[pixel] {
+                depth[pixel] = z;
+                index[pixel] = Some(point);
+            }
         };
-        let projected: Vec<Option<Projected>> = self
-            .points
+        drawn.draw(size, |pixel, covering| {
+            keep_nearest(&mut depth, pixel, covering.z, covering.corner);
+        });
+        let covered = depth.known();
+        let in_image: Vec<_> = drawn
+            .vertices()
             .iter()
-            .map(|point| {
-                let in_camera = camera_from_object.transform(point);
-                let pixel = camera.project(&in_camera)?;
-                Some(Projected {
-                    u: pixel.x,
-                    v: pixel.y,
-                    z: in_camera.z,
-                })
-            })
+            .map(|vertex| vertex.and_then(|p| Some((p, pixel_of(p.u, p.v, size)?))))
             .collect();
-        for facet in &self.facets {
-            if let [Some(a), Some(b), Some(c)] = facet.map(|i| projected[i as usize]) {
-                canvas.draw_facet([a, b, c], facet);
-            }
-        }
-        for (i, point) in projected.iter().enumerate() {
-            if let Some((pixel, z)) = point.and_then(|p| Some((canvas.depth.pixel_at(p.u, p.v)?, p.z)))
-                && canvas.depth[pixel] == 0.0
+        for (point, place) in (0u32..).zip(&in_image) {
+            if let &Some((p, pixel)) = place
+                && !covered[pixel]
             {
-                canvas.keep_nearest(pixel, z, i as u32);
+                keep_nearest(&mut depth, pixel, p.z, point);
             }
         }
-        // A facet may stand out before its points by its sag, and the depth under a pixel varies.
-        let tolerance = |z: f64| self.spacing + z / camera.fx.min(camera.fy);
-        let visible = (0u32..)
-            .zip(&projected)
-            .filter_map(|(i, point)| {
-                let p = (*point)?;
-                let front = canvas.depth[canvas.depth.pixel_at(p.u, p.v)?];
-                (p.z <= f64::from(front) + tolerance(p.z)).then_some(i)
-            })
-            .collect();
+        let visible = self.unhidden(&drawn, size);
         ZBuffer {
-            depth: canvas.depth,
-            index: canvas.index,
+            depth,
+            index,
             visible,
         }
     }
-}
-
-#[derive(Clone, Copy)]
-struct Projected {
-    u: f64,
-    v: f64,
-    z: f64,
-}
-
-struct Canvas {
-    depth: DepthMap,
-    index: Grid<Option<u32>>,
-}
-
-impl Canvas {
-    /// Fills the pixels whose centres lie in the triangle; 1 / z is linear across it.
-    fn draw_facet(&mut self, corners: [Projected; 3], points: &[u32; 3]) {
-        let [a, b, c] = corners;
-        let area = cross(a, b, c.u, c.v);
-        let columns = pixels(corners.map(|p| p.u), self.depth.width());
-        if columns.is_empty() {
-            return;
-        }
-        for row in pixels(corners.map(|p| p.v), self.depth.height()) {
-            for column in columns.clone() {
-                let (u, v) = (column as f64 + 0.5, row as f64 + 0.5);
-                let parts = [cross(b, c, u, v), cross(c, a, u, v), cross(a, b, u, v)];
-                // Nothing is inside a facet that is seen edge-on.
-                if parts.iter().all(|part| part * area >= 0.0) && area != 0.0 {
-                    let weights = parts.map(|part| part / area);
-                    let inverse_depth = weights[0] / a.z + weights[1] / b.z + weights[2] / c.z;
-                    let nearest_corner =
-                        (0..3).fold(0, |best, i| if weights[i] > weights[best] { i } else { best });
-                    self.keep_nearest((column, row), 1.0 / inverse_depth, points[nearest_corner]);
-                }
-            }
-        }
-    }
-
-    fn keep_nearest(&mut self, pixel: (usize, usize), z: f64, point: u32) {
-        let z = z as f32;
-        if self.depth[pixel] == 0.0 || z < self.depth[pixel] {
-            self.depth[pixel] = z;
-            self.index[pixel] = Some(point);
-        }
-    }
-}
-
-/// Twice the signed area of (a, b, (u, v)).
-fn cross(a: Projected, b: Projected, u: f64, v: f64) -> f64 {
-    (b.u - a.u) * (v - a.v) - (b.v - a.v) * (u - a.u)
-}
-
-/// The pixels along one axis whose centres lie between the least and the greatest coordinate.
-fn pixels(coordinates: [f64; 3], size: usize) -> std::ops::Range<usize> {
-    let [a, b, c] = coordinates;
-    let clamp = |pixel: f64| pixel.clamp(0.0, size as f64);
-    let least = clamp(a.min(b).min(c) - 0.5);
-    // `least.ceil()` without the function call that it is on processors of no particular kind: there are millions of facets.
-    let low = least as usize + usize::from(least > (least as usize) as f64);
-    low..(clamp(a.max(b).max(c) + 0.5) as usize).max(low)
-}
-
-pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<_> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

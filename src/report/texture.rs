@@ -91,8 +91,16 @@ impl<'a> TextureGatherer<'a> {
         }
     }
 
-    /// Adds what a frame shows. `view` is the mesh as its camera sees it; depths may differ by `tolerance`, object units.
-    pub(super) fn add(&mut self, frame: &Frame, camera_from_object: &Pose, view: &ZBuffer, tolerance: f64) {
+    /// Adds what a frame shows. `view` is the mesh as its camera sees it; depths may differ by `tolerance`, object units. `gain` evens the
+    /// frame's exposure.
+    pub(super) fn add(
+        &mut self,
+        frame: &Frame,
+        camera_from_object: &Pose,
+        view: &ZBuffer,
+        tolerance: f64,
+        gain: [f64; 3],
+    ) {
         let texels = self.texels.data();
         self.sums
             .par_iter_mut()
@@ -120,8 +128,9 @@ impl<'a> TextureGatherer<'a> {
                     return;
                 }
                 let weight = (cosine / distance).powi(SHARPNESS);
-                for (sum, part) in sum.iter_mut().zip(bilinear(&frame.image, pixel.x, pixel.y)) {
-                    *sum += weight * part;
+                let colour = bilinear(&frame.image, pixel.x, pixel.y);
+                for (sum, (part, gain)) in sum.iter_mut().zip(colour.into_iter().zip(gain)) {
+                    *sum += weight * gain * part;
                 }
                 *total += weight;
             });
@@ -328,7 +337,7 @@ mod tests {
         };
         let view = surface.render(&frame.camera, &camera_from_object, (100, 100));
         let mut gatherer = TextureGatherer::new(mesh);
-        gatherer.add(&frame, &camera_from_object, &view, surface.spacing());
+        gatherer.add(&frame, &camera_from_object, &view, surface.spacing(), [1.0; 3]);
         let texture = gatherer.finish();
         // x = −0.2 is u = 1 − 0.25 and x = 0.2 is u = 0.25; y = 0.2, in the image's lower half, is v = 0.7.
         let at = |u: f64, v: f64| ((u * SIZE as f64) as usize, ((1.0 - v) * SIZE as f64) as usize);

@@ -2,11 +2,11 @@
 
 use super::colmap::ColmapModel;
 use super::colour::{ColourGatherer, Colours};
+use super::exposure::gains;
 use super::folder::Staging;
 use super::page::{PAGE, write_page};
 use super::ply::Vertices;
 use super::sheet::Sheet;
-use super::surface::median;
 use super::texture::{Texture, TextureGatherer};
 use super::{Doubts, FrameResult, ObjectiveSpan, ReportError, RunResult, SimilarityRecord, Surface};
 use super::{density, file_stems, glb, overlay, ply, silhouette_iou, trace, trajectory};
@@ -15,6 +15,7 @@ use crate::geometry::{OBJECT_FRAME, Pose, Similarity};
 use crate::image::{write_depth, write_mask};
 use crate::sequence::Sequence;
 use crate::solver::Solution;
+use crate::surface::median;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -84,6 +85,7 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
     let mut colmap = ColmapModel::new(input.surface.points().len());
     let mut sheet = Sheet::new(&sequence.frames, SHOWN);
     let mut frames = Vec::new();
+    let gains = gains(input.surface, &sequence.frames, &poses);
     for (i, ((frame, pose), stem)) in sequence.frames.iter().zip(&poses).zip(&stems).enumerate() {
         let view = input.surface.render(&frame.camera, pose, frame.image.size());
         let silhouette = view.mask();
@@ -97,9 +99,9 @@ pub fn write(input: &ReportInput, out: &Path) -> Result<Written, ReportError> {
                 density(&frame.mask, &silhouette),
             )
         };
-        gatherer.add(frame, pose, input.surface, &view);
+        gatherer.add(frame, pose, input.surface, &view, gains[i]);
         if let Some(texture) = &mut texture {
-            texture.add(frame, pose, &view, input.surface.spacing());
+            texture.add(frame, pose, &view, input.surface.spacing(), gains[i]);
         }
         if let Some(folder) = &mask_folder
             && input.masks_anew.contains(&frame.name)

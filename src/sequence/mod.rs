@@ -97,8 +97,7 @@ pub struct Frame {
     pub camera_from_input: Option<Pose>,
     /// Off-the-shelf z in the same units, 0 = unknown; counts inside the mask only.
     pub depth: Option<DepthMap>,
-    /// Standard deviation of that depth as a share of it, 0 where there is none; for whoever takes the depth further, as the
-    /// solver trusts all depths alike.
+    /// Standard deviation of that depth as a share of it, 0 where it is not known: the larger, the less the depth weighs.
     pub depth_deviation: Option<Grid<f32>>,
 }
 

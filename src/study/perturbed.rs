@@ -4,7 +4,7 @@ use crate::geometry::{Pose, Rotation3, Vector3};
 use crate::init::{Estimate, cameras_from_input, scale_from_inverse_depth};
 use crate::prior::{LearnedPrior, ShapePrior};
 use crate::sequence::Sequence;
-use crate::visibility::{Surfels, visible_points};
+use crate::visibility::{Cover, visible_points};
 use nalgebra::Unit;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -32,7 +32,7 @@ pub fn perturbed_start(
         &frame.camera,
         &target_from_object,
         frame.image.size(),
-        Some(&Surfels::new(&points)),
+        Some(&Cover::of(prior, &style, &points)),
     );
     let alpha = scale_from_inverse_depth(&visible, &frame.mask, frame.depth.as_ref()?)?;
     let camera_from_input: Option<Vec<Pose>> = sequence

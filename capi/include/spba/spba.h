@@ -244,6 +244,7 @@ typedef struct spba_known_inverse_depth {
   double pixel[2]; /* column, row */
   double inverse_depth;
   double slope[2]; /* of inverse_depth by column and row, a pixel */
+  double weight;   /* a factor on spba_weights' inverse_depth_weight */
 } spba_known_inverse_depth;
 
 /* Who is nearest to whom in one frame (Cauchy). The arrays live as long as the correspondences and stay where
@@ -265,7 +266,7 @@ typedef struct spba_weights {
   double photometric_huber;    /* colour levels */
   double silhouette_cauchy;    /* pixels; 0: squares */
   double silhouette_tolerance; /* pixels */
-  double inverse_depth_weight; /* of each */
+  double inverse_depth_weight; /* of each, times its own */
   double inverse_depth_huber;  /* inverse units of the poses */
   double style_weight;         /* the cost is style_weight / 2 |s|^2 */
 } spba_weights;

@@ -37,11 +37,11 @@ class InverseDepthVisit : public Visit {
       if (!system->with_derivatives()) {
         double residual = kNotEvaluated;
         seen->error(view.position.data(), &alpha_, &residual);
-        system->costs()[kInverseDepth] += Weighed<1>(loss_, weight_, Scalar(residual)).cost;
+        system->costs()[kInverseDepth] += Weighed<1>(loss_, weight_ * seen->weight, Scalar(residual)).cost;
         continue;
       }
       const Linearised at(seen->error, view.position, alpha_);
-      const Weighed<1> weighed(loss_, weight_, Scalar(at.residual));
+      const Weighed<1> weighed(loss_, weight_ * seen->weight, Scalar(at.residual));
       system->costs()[kInverseDepth] += weighed.cost;
       system->AddWithAlpha(&view, weighed, at.residual, at.by_position, at.by_log_alpha);
     }
@@ -98,7 +98,7 @@ class InverseDepthTerm : public Term {
     for (int j = 0; j < problem->state().objective().prior().point_count; ++j) {
       for (const SeenDepth* seen = visibility.depths.begin(j); seen != visibility.depths.end(j); ++seen) {
         problem->Add(std::make_unique<InverseDepthBlock>(problem->state(), *seen, loss_.width, j),
-                     problem->Scaled(weight_, loss_));
+                     problem->Scaled(weight_ * seen->weight, loss_));
       }
     }
   }

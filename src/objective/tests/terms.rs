@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::objective::matcher::photometric_points;
-use crate::visibility::{Surfels, Visibility as Seen, visible_points};
+use crate::visibility::{Visibility as Seen, visible_points};
 
 /// Eq. 5 by its definition: brute force over all pixels and points.
 #[test]
@@ -128,12 +128,12 @@ fn the_inverse_depth_term_is_that_of(slope: f64, accuracy: f64) {
     let mut setting = setting(&Footage::new(&sequence, 1).unwrap(), &options, &at);
     setting.at.alpha = 3.0;
     let points = setting.objective.points(&at);
-    let surfels = Surfels::among(&setting.objective.matcher.neighbourhoods, &points);
+    let cover = setting.objective.matcher.cover(&at.style, &points);
     let mut expected = 0.0;
     for (l, frame) in sequence.frames.iter().enumerate() {
         let pose = at.camera_from_object[l];
         let size = frame.image.size();
-        for v in visible_points(&points, &frame.camera, &pose, size, Some(&surfels)).points {
+        for v in visible_points(&points, &frame.camera, &pose, size, Some(&cover)).points {
             let pixel = (v.pixel.0 as usize, v.pixel.1 as usize);
             if frame.mask[pixel] {
                 let x = Vector3::from_column_slice(&points[3 * v.point as usize..][..3]);

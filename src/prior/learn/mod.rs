@@ -17,7 +17,7 @@ mod surface;
 pub use augment::augmented;
 #[cfg(feature = "training")]
 pub use decoder::{DECODER_RATE, DecoderOptions, decoder};
-pub(super) use neighbours::{spacing, tree_of};
+pub(super) use neighbours::tree_of;
 pub(super) use principal::components;
 pub use surface::{
     Covariogram, Registered, SurfaceOptions, draw_points, field_scales, register_all, residual_covariogram,

@@ -59,17 +59,6 @@ pub fn tree_of(points: &[Vector3<f64>]) -> Neighbours<3> {
     Neighbours::new(points.iter().map(|&p| p.into()))
 }
 
-/// The median distance to the nearest other point; 0 below two points.
-pub fn spacing(points: &[Vector3<f64>]) -> f64 {
-    let tree = tree_of(points);
-    let mut nearest: Vec<f64> = points
-        .iter()
-        .filter_map(|&p| tree.k_nearest(p.into(), 2).get(1).map(|n| n.distance))
-        .collect();
-    nearest.sort_by(f64::total_cmp);
-    nearest.get(nearest.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// A position and `weight` times a normal: where two such are near, both place and orientation agree, which
 /// keeps the two sides of a thin sheet apart.
 pub fn oriented(point: &Vector3<f64>, normal: &Vector3<f64>, weight: f64) -> [f64; 6] {

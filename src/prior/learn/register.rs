@@ -45,7 +45,7 @@ impl Template {
         }
         edges.sort_unstable();
         edges.dedup();
-        let spacing = super::neighbours::spacing(&sample.points);
+        let spacing = crate::surface::spacing(&sample.points);
         Self {
             sample,
             edges,

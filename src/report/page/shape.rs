@@ -3,7 +3,8 @@
 use super::encode::{base64, base64_floats, data_url};
 use super::input_points::Points;
 use crate::geometry::Vector3;
-use crate::report::{Neighbours, ReportError, ply};
+use crate::report::{ReportError, ply};
+use crate::surface::Neighbours;
 use serde::Serialize;
 use std::path::Path;
 

@@ -123,7 +123,7 @@ void AddObjectResiduals(const Correspondences& correspondences, const LinearShap
         {known.pixel[0], known.pixel[1]}, known.inverse_depth, {known.slope[0], known.slope[1]}};
     auto cost = internal::SoftCost<Layout, InverseDepthResidual>(
         shape, nullptr, known.point, {frames[known.frame].camera}, residual, weights.inverse_depth_huber);
-    problem->AddResidualBlock(cost.release(), depths.Scaled(weights.inverse_depth_weight),
+    problem->AddResidualBlock(cost.release(), depths.Scaled(weights.inverse_depth_weight * known.weight),
                               internal::Parameters(blocks, {known.frame}));
   }
   const double cauchy = weights.silhouette_cauchy;

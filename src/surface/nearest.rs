@@ -1,5 +1,6 @@
 //! Nearest neighbours in a fixed point cloud.
 
+use super::median;
 use nabo::{KDTree, NotNan, Point, simple_point::P3};
 use nalgebra::Vector3;
 
@@ -20,6 +21,15 @@ impl Neighbours {
             .map(|n| (n.index as usize, f64::from(n.dist2.into_inner()).sqrt()))
             .collect()
     }
+}
+
+/// The median distance to the nearest other point; 0 below two points.
+pub(crate) fn spacing(points: &[Vector3<f64>]) -> f64 {
+    let tree = Neighbours::new(points);
+    let nearest = points
+        .iter()
+        .filter_map(|point| tree.nearest(point, 2).get(1).map(|n| n.1));
+    median(nearest)
 }
 
 fn key(point: &Vector3<f64>) -> P3 {
