@@ -217,7 +217,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     anyhow::ensure!(
         written.doubts.explained,
-        "{}: not usable: no likely shape of the prior explains the masks; check the masks and --prior",
+        "{}: not usable: no likely shape of the prior, seen with a likely focal length, explains the masks; see what is IN DOUBT above",
         out.display()
     );
     Ok(())

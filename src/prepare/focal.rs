@@ -66,7 +66,12 @@ impl FocalSource {
         );
         let found = format!("focal length {:.0} px", motion.camera.fx);
         let Some(known) = known else {
-            return format!("{found}: {by_features}; give --focal if you know it");
+            let usual = FocalEvidence::usual(&motion.camera);
+            return format!(
+                "{found}: usual lenses {:.0} ± {:.0} %, {by_features}; give --focal if you know it",
+                usual.px,
+                100.0 * usual.deviation
+            );
         };
         let mut words = match self {
             Self::Flag => format!("{found} from --focal ({by_features})"),

@@ -2,11 +2,14 @@
 
 use super::StructureFromMotionError;
 use super::grow::Reconstruction;
-use crate::geometry::Vector3;
+use crate::geometry::{Pinhole, Vector3};
 use rayon::prelude::*;
 
-/// Deviation of a focal length's logarithm that leaves it to the features.
+/// Deviation of a focal length's logarithm of which nothing is known: features move it freely.
 pub const FREE: f64 = 1.0;
+/// Focal lengths of pictures of which nothing is known, in longer sides: COLMAP's first guess, and a standard deviation of the logarithm that has
+/// a phone's wide lens and a short tele lens within two of it.
+const USUAL: (f64, f64) = (1.2, 0.5);
 /// No evidence is taken to be better than this.
 const MIN_DEVIATION: f64 = 0.005;
 /// How often features mislead all together, and by how much then (standard deviation of the logarithm): reflections that slide over a whole
@@ -22,6 +25,14 @@ pub struct FocalEvidence {
 }
 
 impl FocalEvidence {
+    /// What is likely where nothing is known. The camera's principal point is taken for the middle of the picture.
+    pub fn usual(camera: &Pinhole) -> Self {
+        Self {
+            px: USUAL.0 * 2.0 * camera.cx.max(camera.cy),
+            deviation: USUAL.1,
+        }
+    }
+
     /// Both together: the mean of the logarithms, weighted by the inverse variances.
     pub fn fused(self, other: Self) -> Self {
         let [own, theirs] = [self, other].map(|evidence| evidence.deviation.powi(-2));
@@ -146,6 +157,27 @@ mod tests {
         let contradicted = known.fused_with_features(far);
         assert!((contradicted.px / known.fused(misleading).px).ln().abs() < 1e-3);
         assert!(known.fused(far).px > 1.1 * contradicted.px);
+    }
+
+    #[test]
+    fn usual_lenses_decide_where_features_say_little() {
+        let camera = Pinhole {
+            fx: 1000.0,
+            fy: 1000.0,
+            cx: 320.0,
+            cy: 240.0,
+        };
+        let usual = FocalEvidence::usual(&camera);
+        assert!((usual.px - 768.0).abs() < 1e-9);
+        let fused = |deviation| {
+            usual.fused_with_features(FocalEvidence {
+                px: 1500.0,
+                deviation,
+            })
+        };
+        let sharp = fused(0.03);
+        assert!(sharp.px > 1400.0 && sharp.deviation > 0.1, "{sharp:?}");
+        assert!(fused(0.5).px < 1080.0);
     }
 
     #[test]

@@ -28,8 +28,8 @@ const ROUNDS: usize = 4;
 pub struct Reconstruction<'a> {
     matching: &'a Matching,
     options: &'a MotionOptions,
-    /// Whether features may move the focal length.
-    free_focal: bool,
+    /// How freely features may move the focal length: the standard deviation of its logarithm, 0 where it is held.
+    focal_deviation: f64,
     camera: Pinhole,
     /// Multiplies the camera's focal lengths.
     zoom: f64,
@@ -55,7 +55,7 @@ impl<'a> Reconstruction<'a> {
         Self {
             matching,
             options,
-            free_focal: options.focal_deviation >= FREE,
+            focal_deviation: options.focal_deviation,
             camera: *camera,
             zoom: 1.0,
             poses,
@@ -92,27 +92,27 @@ impl<'a> Reconstruction<'a> {
     pub(super) fn finished(mut self) -> Result<Motion, StructureFromMotionError> {
         self.adjust(ROUNDS)?;
         let by_features = by_features(&self)?;
-        let known = self.options.focal_deviation;
-        let focal_deviation = if self.free_focal {
-            by_features.deviation
-        } else if known > 0.0 {
-            let known = FocalEvidence {
-                px: self.focal_px(),
-                deviation: known,
-            };
-            let both = known.fused_with_features(by_features);
-            self.zoom = both.px / self.camera.fx;
-            self.adjust(ROUNDS)?;
-            both.deviation
+        if self.focal_deviation == 0.0 {
+            return Ok(self.motion(0.0, by_features));
+        }
+        let known = if self.focal_deviation >= FREE {
+            FocalEvidence::usual(&self.camera)
         } else {
-            0.0
+            FocalEvidence {
+                px: self.camera.fx,
+                deviation: self.focal_deviation,
+            }
         };
-        Ok(self.motion(focal_deviation, by_features))
+        let all = known.fused_with_features(by_features);
+        self.zoom = all.px / self.camera.fx;
+        self.focal_deviation = 0.0;
+        self.adjust(ROUNDS)?;
+        Ok(self.motion(all.deviation, by_features))
     }
 
     pub fn with_free_focal(self) -> Self {
         Self {
-            free_focal: true,
+            focal_deviation: FREE,
             ..self
         }
     }
@@ -304,8 +304,8 @@ impl<'a> Reconstruction<'a> {
             cy: self.camera.cy,
             loss_width: 0.5 * self.tolerance(),
             // From few frames a focal length cannot be told from a distance.
-            zoom_deviation: if self.free_focal && self.order.len() > 4 {
-                FREE
+            zoom_deviation: if self.order.len() > 4 {
+                self.focal_deviation
             } else {
                 0.0
             },

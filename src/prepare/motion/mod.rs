@@ -22,7 +22,8 @@ use start::reconstruct;
 pub struct MotionOptions {
     /// A feature may be so far from where a pose sees it, in pixels of an object whose mask is 500 pixels across.
     pub error_px: f64,
-    /// How well the focal length is known: the standard deviation of its logarithm; 0 keeps it, [`FREE`] leaves it to the features.
+    /// How well the focal length is known: the standard deviation of its logarithm; 0 keeps it, [`FREE`] says that nothing
+    /// is known of it, so that features move it and usual lenses count beside them.
     pub focal_deviation: f64,
 }
 
