@@ -53,7 +53,7 @@ pub(super) fn draft(input: &Path, depth: Option<&Path>) -> Result<Draft, Sequenc
     Ok(Draft {
         name: folder_name(input),
         kind: "COLMAP workspace",
-        motion_deviation: None,
+        motion_deviation: Some(workspace::MOTION_DEVIATION),
         focal_deviation: None,
         listing: model.images_file,
         frames,

@@ -114,7 +114,7 @@ pub(super) fn draft(input: &Path) -> Result<Draft, SequenceError> {
     Ok(Draft {
         name: folder_name(input),
         kind: "openMVS project",
-        motion_deviation: None,
+        motion_deviation: Some(workspace::MOTION_DEVIATION),
         focal_deviation: None,
         listing: project.scene_file,
         frames,
