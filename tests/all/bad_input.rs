@@ -208,14 +208,14 @@ fn intrinsics() {
 
 #[test]
 fn poses() {
+    let given = "motion_deviation = 0.03\n";
     for (field, what) in [
         ("motion_deviation", "is no length"),
         ("focal_deviation", "is no share"),
     ] {
         for value in ["-0.005", "0", "nan", "inf"] {
             let input = Input::sequence();
-            let line = format!("schema = 1\n{field} = {value}\n");
-            input.edit("sequence.toml", "schema = 1\n", &line);
+            input.edit("sequence.toml", given, &format!("{field} = {value}\n"));
             input.refused(&[&format!("sequence.toml: {field}:"), what, "more than 0"]);
         }
     }
