@@ -42,7 +42,8 @@ fn build_solver() -> Result<(), Box<dyn Error>> {
         "views",
     ]
     .map(|name| format!("cpp/core/{name}.cc"));
-    let bridge = ["bundle", "free_depth", "logs", "problem"].map(|name| format!("cpp/bridge/{name}.cc"));
+    let bridge =
+        ["bundle", "free_depth", "logs", "memory", "problem"].map(|name| format!("cpp/bridge/{name}.cc"));
     let sources = [&core[..], &bridge].concat();
     compile(
         &["src/bridge/bundle.rs", "src/bridge/ceres.rs"],

@@ -72,7 +72,7 @@ pub(crate) mod surface;
 pub mod training;
 pub mod visibility;
 
-pub use bridge::route_ceres_logs;
+pub use bridge::{keep_freed_memory, route_ceres_logs};
 #[cfg(feature = "cad")]
 pub use guard::quiet_guarded_panics;
 

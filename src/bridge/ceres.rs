@@ -303,10 +303,14 @@ pub mod ffi {
 
     unsafe extern "C++" {
         include!("bridge/logs.h");
+        include!("bridge/memory.h");
         include!("bridge/problem.h");
 
         /// Sends the log lines of Ceres to `log_message`; a process whose glog is set up already keeps its destinations.
         fn route_logs() -> Result<()>;
+
+        /// Keeps freed memory for the process, where the C library is glibc.
+        fn keep_freed_memory();
 
         /// What the frames show; read-only, for any number of problems and threads.
         type Footage;

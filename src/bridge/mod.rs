@@ -1,5 +1,5 @@
-//! The only foreign-function interface, and with it the only `unsafe`. Bulk, not chatty; every call returns
-//! `Result`, and nothing unwinds or aborts across it.
+//! The only foreign-function interface, and with it the only `unsafe`. Bulk, not chatty; every call that can fail
+//! returns `Result`, and nothing unwinds or aborts across it.
 
 #![allow(unsafe_code)]
 
@@ -17,4 +17,10 @@ pub mod vision;
 /// glog cannot be set up.
 pub fn route_ceres_logs() -> Result<(), cxx::Exception> {
     ceres::ffi::route_logs()
+}
+
+/// For programs: from now on, the allocator keeps what is freed instead of giving it back to the kernel, where the C library is glibc. The peak
+/// of memory grows a little; a library leaves that to its host.
+pub fn keep_freed_memory() {
+    ceres::ffi::keep_freed_memory();
 }

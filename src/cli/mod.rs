@@ -60,6 +60,7 @@ pub fn run() -> ExitCode {
         .without_time()
         .init();
     let verb = Cli::parse().verb;
+    spba_ceres::keep_freed_memory();
     let outcome = spba_ceres::route_ceres_logs()
         .map_err(anyhow::Error::from)
         .and_then(|()| run_verb(verb));

@@ -234,14 +234,15 @@ pub(super) fn body_box(vertices: &[V3], faces: &[[u32; 3]], beyond: f64) -> Opti
 fn first_beyond(mut faces: Vec<(f64, f64)>, mut area: f64) -> Option<f64> {
     let mut rest = &mut faces[..];
     while rest.len() > 1 {
-        let middle = rest.len() / 2;
-        let (below, _, _) = rest.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0));
+        // Few faces are sought.
+        let cut = rest.len().div_ceil(8);
+        let (below, _, _) = rest.select_nth_unstable_by(cut, |a, b| a.0.total_cmp(&b.0));
         let area_below: f64 = below.iter().map(|face| face.1).sum();
         rest = if area < area_below {
-            &mut rest[..middle]
+            &mut rest[..cut]
         } else {
             area -= area_below;
-            &mut rest[middle..]
+            &mut rest[cut..]
         };
     }
     rest.first().filter(|face| area < face.1).map(|face| face.0)

@@ -111,6 +111,20 @@ fn an_openmvs_project_alone_gives_the_same_cameras() {
     }
 }
 
+/// Features know poses less well than the solver does.
+#[test]
+fn poses_of_other_tools_are_held_loosely() {
+    let colmap = workspace();
+    let openmvs = tempfile::tempdir().unwrap();
+    fixture::images_and_masks(openmvs.path());
+    fixture::openmvs(openmvs.path(), 6, 0.0);
+    for folder in [colmap.path(), openmvs.path()] {
+        let sequence = plain(folder);
+        assert_eq!(sequence.motion_deviation, Some(0.03), "{}", folder.display());
+        assert_eq!(sequence.focal_deviation, None);
+    }
+}
+
 #[test]
 fn a_reduced_depth_map_is_enlarged() {
     let folder = workspace();

@@ -258,6 +258,24 @@ mod tests {
         assert!(found.error_px < 1e-3, "{}", found.error_px);
     }
 
+    /// What grows from the first pair and another.
+    fn grown<'a>(
+        matching: &'a Matching,
+        camera: &Pinhole,
+        options: &'a MotionOptions,
+        other: usize,
+    ) -> Reconstruction<'a> {
+        let pairs = matching.pairs.iter();
+        let verified: Vec<Verified> = pairs
+            .filter_map(|pair| verified(matching, camera, pair, options.error_px).unwrap())
+            .collect();
+        let tracks = tracks_of(matching, &verified);
+        let start = verified.iter().find(|pair| pair.frames == [0, other]).unwrap();
+        Reconstruction::new(matching, camera, options, tracks, start)
+            .grown()
+            .unwrap()
+    }
+
     /// Features of the last frame that slid along the lines on which matches are looked for, and so fit every pair.
     #[test]
     fn a_start_is_judged_without_what_does_not_fit() {
@@ -265,19 +283,31 @@ mod tests {
         for feature in &mut matching.features[10][..6] {
             feature[0] += 25.0;
         }
-        let (camera, options) = (CAMERA, MotionOptions::default());
-        let pairs = matching.pairs.iter();
-        let verified: Vec<Verified> = pairs
-            .filter_map(|pair| verified(&matching, &camera, pair, options.error_px).unwrap())
-            .collect();
-        let tracks = tracks_of(&matching, &verified);
-        let start = verified.iter().find(|pair| pair.frames == [0, 3]).unwrap();
-        let grown = Reconstruction::new(&matching, &camera, &options, tracks, start)
-            .grown()
-            .unwrap();
-        let quality = grown.quality();
+        let quality = grown(&matching, &CAMERA, &MotionOptions::default(), 3).quality();
         assert_eq!(quality.frames, 11);
         assert!(quality.error_px < LIKELY_ERROR, "{}", quality.error_px);
+    }
+
+    #[test]
+    fn a_known_focal_length_moves_by_its_deviation_while_frames_are_placed() {
+        let matching = matching(&[(arc(8, 8.0), 60)]);
+        let said = Pinhole {
+            fx: 0.92 * CAMERA.fx,
+            fy: 0.92 * CAMERA.fy,
+            ..CAMERA
+        };
+        let focal = |focal_deviation| {
+            let options = MotionOptions {
+                focal_deviation,
+                ..MotionOptions::default()
+            };
+            grown(&matching, &said, &options, 1).focal_px()
+        };
+        assert_eq!(focal(0.0), said.fx);
+        let moved = focal(0.06);
+        assert!((moved / CAMERA.fx - 1.0).abs() < 0.03, "{moved}");
+        let hardly = focal(1e-4);
+        assert!((hardly / said.fx - 1.0).abs() < 0.01, "{hardly}");
     }
 
     #[test]
