@@ -120,7 +120,7 @@ fn poses_of_other_tools_are_held_loosely() {
     fixture::openmvs(openmvs.path(), 6, 0.0);
     for folder in [colmap.path(), openmvs.path()] {
         let sequence = plain(folder);
-        assert_eq!(sequence.motion_deviation, Some(0.03), "{}", folder.display());
+        assert_eq!(sequence.motion_deviation, Some(0.02), "{}", folder.display());
         assert_eq!(sequence.focal_deviation, None);
     }
 }

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// How well feature-based structure from motion knows its poses, in diagonals of the object. Loose, so that the solver betters them.
-pub(super) const MOTION_DEVIATION: f64 = 0.03;
+pub(super) const MOTION_DEVIATION: f64 = 0.02;
 
 /// `folder/name`, refused where the folder is missing.
 pub(super) fn need_folder(workspace: &Path, name: &str, mend: &str) -> Result<PathBuf, SequenceError> {

@@ -208,7 +208,7 @@ fn intrinsics() {
 
 #[test]
 fn poses() {
-    let given = "motion_deviation = 0.03\n";
+    let given = "motion_deviation = 0.02\n";
     for (field, what) in [
         ("motion_deviation", "is no length"),
         ("focal_deviation", "is no share"),
