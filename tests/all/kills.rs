@@ -52,8 +52,8 @@ impl Home {
             .stderr(Stdio::null());
         if verb == "solve" {
             command.args(["--set", "init.hypotheses.count=1", "--threads", "1"]);
-            let short = "solver={ levels = 1, max_steps = 2, iterations_per_call = 4 }";
-            command.args(["--set", short]);
+            let short = "solver={ levels = 1, max_steps = 2, iterations_per_call = 4, free_form = 'none' }";
+            command.args(["--set", short, "--set", "objective.points=1024"]);
         }
         command
     }
