@@ -14,9 +14,13 @@ use rayon::prelude::*;
 
 /// A pair, or a frame, with fewer features in common is none.
 pub(super) const MIN_COMMON_FEATURES: usize = 12;
-/// So many points place a frame, and such a share of those that it sees.
+/// So many points place a frame where they are such a share of those that it sees.
 const MIN_PLACING: usize = 8;
 const MIN_PLACING_SHARE: f64 = 0.6;
+/// From [`MIN_COMMON_FEATURES`] on, such a share is enough.
+const MIN_COMMON_SHARE: f64 = 0.5;
+/// So many place a frame whatever their share, as in COLMAP: fewer may agree by chance on a wrong pose.
+const SURE_PLACING: usize = 30;
 /// Rays that meet at a smaller angle, in degrees, say nothing about depth.
 pub(super) const MIN_ANGLE_DEG: f64 = 1.5;
 /// No point lies so near to a camera, in baselines of the first pair.
@@ -192,7 +196,13 @@ impl<'a> Reconstruction<'a> {
         let found = vision::resect(&points, &rays, threshold, &mut inliers)?;
         let count = inliers.iter().filter(|&&inlier| inlier != 0).count();
         let share = count as f64 / inliers.len() as f64;
-        if !found.any || count < MIN_PLACING || (count < MIN_COMMON_FEATURES && share < MIN_PLACING_SHARE) {
+        let least_share = match count {
+            SURE_PLACING.. => 0.0,
+            MIN_COMMON_FEATURES.. => MIN_COMMON_SHARE,
+            MIN_PLACING.. => MIN_PLACING_SHARE,
+            _ => f64::INFINITY,
+        };
+        if !found.any || share < least_share {
             return Ok(false);
         }
         let pose = pose_of(&found);

@@ -258,6 +258,20 @@ mod tests {
         assert!(found.error_px < 1e-3, "{}", found.error_px);
     }
 
+    /// Features of the last frame that slid along the lines on which matches are looked for, each its own way.
+    #[test]
+    fn few_that_agree_among_many_place_no_frame() {
+        for (slid, is_placed) in [(40, false), (28, true)] {
+            let mut matching = matching(&[(arc(6, 3.0), 60)]);
+            for (i, feature) in matching.features[5][..slid].iter_mut().enumerate() {
+                feature[0] += [-40.0, 40.0][i % 2] + (i as f64 * 0.618_034).fract() * 30.0;
+            }
+            let found = reconstruct(&matching, &CAMERA, &MotionOptions::default()).unwrap();
+            let placed: Vec<bool> = found.camera_from_input.iter().map(Option::is_some).collect();
+            assert_eq!(placed, [true, true, true, true, true, is_placed], "{slid}");
+        }
+    }
+
     /// What grows from the first pair and another.
     fn grown<'a>(
         matching: &'a Matching,
