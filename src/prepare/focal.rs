@@ -98,8 +98,9 @@ const MIN_FOCAL_DEVIATION: f64 = 0.02;
 /// What is known of a focal length and what the features say differ by more of their deviation than this only if one is wrong.
 const DOUBTFUL: f64 = 2.0;
 
-/// Focal lengths tried where nothing is known, in longer sides of the picture: a phone's to a tele lens's.
-const GUESSES: [f64; 4] = [0.8, 1.3, 2.2, 5.0];
+/// Where nothing is known, reconstructions start with these focal lengths, in longer sides of the picture, until one has all frames: a usual
+/// one, a short tele lens's, a phone's, a tele lens's.
+const GUESSES: [f64; 4] = [1.3, 2.6, 0.8, 5.0];
 
 /// The cameras to try, centred, and how their focal length is known.
 ///

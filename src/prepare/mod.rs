@@ -134,7 +134,7 @@ impl Preparation<'_> {
         Ok((photos, masks))
     }
 
-    /// The best motion of those that start from every candidate focal length, and what was known of the focal length before.
+    /// The best motion of those that start from candidate focal lengths, until one has all frames, and what was known of the focal length before.
     fn moved(
         &self,
         photos: &[Photo],
@@ -166,10 +166,15 @@ impl Preparation<'_> {
                     return Err(StructureFromMotionError::Interrupted);
                 }
                 match motion::motion(&matching, camera, &motion_options) {
-                    Ok(found) if best.as_ref().is_none_or(|best| found.score() > best.score()) => {
-                        best = Some(found);
+                    Ok(found) => {
+                        let is_whole = found.is_whole();
+                        if best.as_ref().is_none_or(|best| found.score() > best.score()) {
+                            best = Some(found);
+                        }
+                        if is_whole {
+                            break;
+                        }
                     }
-                    Ok(_) => {}
                     Err(error) => failure = error,
                 }
             }
@@ -342,6 +347,9 @@ fn motion_in_words(photos: &[Photo], motion: &Motion, focal: &str) -> String {
     }
     if placed < lost.len() {
         words += ", IN DOUBT: most frames are lost; give pictures that are nearer to each other";
+    }
+    if motion.may_be_swapped {
+        words += ", IN DOUBT: near and far may be swapped; give pictures from nearer, from more sides, or --focal if you know it";
     }
     words
 }

@@ -2,19 +2,25 @@
 
 use super::StructureFromMotionError;
 use super::grow::Reconstruction;
-use crate::geometry::{Pinhole, Vector3};
-use rayon::prelude::*;
+use crate::geometry::Pinhole;
 
 /// Deviation of a focal length's logarithm of which nothing is known: features move it freely.
 pub const FREE: f64 = 1.0;
 /// Focal lengths of pictures of which nothing is known, in longer sides: COLMAP's first guess, and a standard deviation of the logarithm that has
 /// a phone's wide lens and a short tele lens within two of it.
-const USUAL: (f64, f64) = (1.2, 0.5);
+const USUAL: (f64, f64) = (1.2, 0.7);
 /// No evidence is taken to be better than this.
 const MIN_DEVIATION: f64 = 0.005;
-/// How often features mislead all together, and by how much then (standard deviation of the logarithm): reflections that slide over a whole
-/// body pull every part of it the same way, which leaving out parts cannot show.
-const MISLED: (f64, f64) = (1.0 / 3.0, 0.2);
+/// The features' cost counts by this factor less: they err together, as where a highlight slides over a whole door.
+pub const OVERDISPERSION: f64 = 2.0;
+/// A logarithm of a likelihood this far below the greatest does not count.
+const NEGLIGIBLE: f64 = 6.0;
+/// The profile's focal lengths: their logarithms go on from the best reconstruction's by this.
+const STEP: f64 = 0.2;
+/// And from where the cost is least by these.
+const FINE_STEPS: [f64; 2] = [0.02, 0.06];
+/// No focal length of the profile is shorter or longer, in longer sides.
+const RANGE: (f64, f64) = (0.3, 12.0);
 
 /// A focal length and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -28,46 +34,8 @@ impl FocalEvidence {
     /// What is likely where nothing is known. The camera's principal point is taken for the middle of the picture.
     pub fn usual(camera: &Pinhole) -> Self {
         Self {
-            px: USUAL.0 * 2.0 * camera.cx.max(camera.cy),
+            px: USUAL.0 * longer_side(camera),
             deviation: USUAL.1,
-        }
-    }
-
-    /// Both together: the mean of the logarithms, weighted by the inverse variances.
-    pub fn fused(self, other: Self) -> Self {
-        let [own, theirs] = [self, other].map(|evidence| evidence.deviation.powi(-2));
-        let log = (own * self.px.ln() + theirs * other.px.ln()) / (own + theirs);
-        Self {
-            px: log.exp(),
-            deviation: (own + theirs).powf(-0.5),
-        }
-    }
-
-    /// This and what features say, which may be as good as they seem or mislead: the mean and the deviation of the mixture of both cases. Where
-    /// features agree with what was known, they are believed; the more they contradict it, the less.
-    pub fn fused_with_features(self, features: Self) -> Self {
-        let (share, misled) = MISLED;
-        let cases = [
-            (1.0 - share, features.deviation),
-            (share, features.deviation.hypot(misled)),
-        ];
-        let cases = cases.map(|(share, deviation)| {
-            let case = Self {
-                deviation,
-                ..features
-            };
-            let likelihood = (-0.5 * self.apart(case).powi(2)).exp() / self.deviation.hypot(deviation);
-            (share * likelihood, self.fused(case))
-        });
-        let total: f64 = cases.iter().map(|(weight, _)| weight).sum();
-        let mean = |of: &dyn Fn(&Self) -> f64| {
-            cases.iter().map(|(weight, both)| weight * of(both)).sum::<f64>() / total
-        };
-        let log = mean(&|both| both.px.ln());
-        let variance = mean(&|both| both.deviation.powi(2) + (both.px.ln() - log).powi(2));
-        Self {
-            px: log.exp(),
-            deviation: variance.sqrt(),
         }
     }
 
@@ -77,131 +45,223 @@ impl FocalEvidence {
     }
 }
 
-/// What the features of a reconstruction say: an adjustment that leaves the focal length to them, and how much it changes when the
-/// points of each eighth of the object are left out in turn (the jackknife over groups). Formal variances know nothing of highlights that
-/// slide over paint, a whole region of which is wrong together: of three cars whose turn is known, the features are off by 1, 8 and 19 %,
-/// by the jackknife ± 2, 14 and 16 %.
-pub fn by_features(reconstruction: &Reconstruction) -> Result<FocalEvidence, StructureFromMotionError> {
-    let mut all = reconstruction.clone().with_free_focal();
-    all.bundle()?;
-    let px = all.focal_px();
-    let octant = octants(&all.points().copied().collect::<Vec<_>>());
-    let logs = (0..8)
-        .into_par_iter()
-        .map(|left_out| {
-            let mut some = all.clone();
-            some.keep_points(|point| octant(point) != left_out);
-            some.bundle()?;
-            Ok((some.focal_px() / px).ln())
+/// The camera's principal point is taken for the middle of the picture.
+fn longer_side(camera: &Pinhole) -> f64 {
+    2.0 * camera.cx.max(camera.cy)
+}
+
+/// A reconstruction whose focal length was held while everything else was adjusted.
+#[derive(Clone)]
+struct Sample<'a> {
+    /// The focal length's logarithm.
+    log_px: f64,
+    cost: f64,
+    adjusted: Reconstruction<'a>,
+}
+
+impl<'a> Sample<'a> {
+    fn of(adjusted: Reconstruction<'a>) -> Self {
+        Self {
+            log_px: adjusted.focal_px().ln(),
+            cost: adjusted.cost(),
+            adjusted,
+        }
+    }
+
+    fn at(&self, log_px: f64) -> Result<Self, StructureFromMotionError> {
+        let mut other = self.adjusted.clone();
+        other.hold_focal(log_px.exp());
+        other.bundle()?;
+        Ok(Self::of(other))
+    }
+}
+
+/// The profile likelihood of the focal length: how well the features of a reconstruction fit with each.
+pub struct Profile<'a> {
+    /// By rising focal length.
+    samples: Vec<Sample<'a>>,
+}
+
+impl<'a> Profile<'a> {
+    /// Walks from the focal length of a reconstruction to both sides, for as far as it is likely, and looks closer about the likeliest. A free
+    /// adjustment alone may end where it began, since cameras far away and a long focal length make nearly the same pictures.
+    pub fn of(reconstruction: &Reconstruction<'a>) -> Result<Self, StructureFromMotionError> {
+        let longer = longer_side(reconstruction.camera());
+        let [shortest, longest] = [RANGE.0, RANGE.1].map(|sides| (sides * longer).ln());
+        let first =
+            Sample::of(reconstruction.clone()).at(reconstruction.focal_px().ln().clamp(shortest, longest))?;
+        let walk = |step: f64| -> Result<Vec<Sample>, StructureFromMotionError> {
+            let (mut walked, mut least) = (vec![first.clone()], first.cost);
+            while let Some(last) = walked.last()
+                && (last.cost - least) / OVERDISPERSION < NEGLIGIBLE
+                && (shortest..=longest).contains(&(last.log_px + step))
+            {
+                let next = last.at(last.log_px + step)?;
+                least = least.min(next.cost);
+                walked.push(next);
+            }
+            Ok(walked)
+        };
+        let (shorter, longer) = rayon::join(|| walk(-STEP), || walk(STEP));
+        let mut samples: Vec<Sample> = shorter?.into_iter().chain(longer?.into_iter().skip(1)).collect();
+        let nearest = samples
+            .iter()
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))
+            .cloned()
+            .unwrap_or(first);
+        let mut best = nearest.adjusted.clone().with_free_focal();
+        best.bundle()?;
+        let free = Sample::of(best);
+        let best = if free.cost < nearest.cost { free } else { nearest };
+        for step in FINE_STEPS.iter().flat_map(|&step| [-step, step]) {
+            samples.push(best.at(best.log_px + step)?);
+        }
+        samples.push(best);
+        samples.sort_by(|a, b| a.log_px.total_cmp(&b.log_px));
+        Ok(Self { samples })
+    }
+
+    /// What features say, and with it what was `known`: mean and deviation of the logarithm.
+    pub fn evidence(&self, known: Option<FocalEvidence>) -> FocalEvidence {
+        let costs: Vec<(f64, f64)> = self
+            .samples
+            .iter()
+            .map(|sample| (sample.log_px, sample.cost))
+            .collect();
+        evidence(&costs, known)
+    }
+
+    /// The reconstruction with the focal length nearest to one.
+    pub fn near(&self, px: f64) -> Option<&Reconstruction<'a>> {
+        let apart = |sample: &&Sample| (sample.log_px - px.ln()).abs();
+        let nearest = self.samples.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
+        Some(&nearest.adjusted)
+    }
+}
+
+/// Mean and deviation of the logarithm of a focal length, whose cost is known at some (by rising logarithms).
+fn evidence(costs: &[(f64, f64)], known: Option<FocalEvidence>) -> FocalEvidence {
+    const POINTS: usize = 64;
+    let (best, least) = costs
+        .iter()
+        .copied()
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((0.0, 0.0));
+    // A square is what costs are nearly, and its root is a straight line.
+    let root = |(log_px, cost): (f64, f64)| (cost - least).sqrt().copysign(log_px - best);
+    let of_known = |log_px: f64| {
+        known.map_or(0.0, |known| {
+            0.5 * ((log_px - known.px.ln()) / known.deviation).powi(2)
         })
-        .collect::<Result<Vec<f64>, StructureFromMotionError>>()?;
-    Ok(FocalEvidence {
-        px,
-        deviation: jackknife(&logs).max(MIN_DEVIATION),
-    })
-}
-
-/// Which eighth of the object a point belongs to, as split by the medians of the coordinates.
-fn octants(points: &[Vector3<f64>]) -> impl Fn(&Vector3<f64>) -> usize + Sync + use<> {
-    let middle = super::super::depth::middle(points);
-    move |point| (0..3).map(|k| usize::from(point[k] > middle[k]) << k).sum()
-}
-
-/// The standard deviation of an estimate by what it becomes without each of several groups of its data.
-fn jackknife(without: &[f64]) -> f64 {
-    let count = without.len() as f64;
-    let mean = without.iter().sum::<f64>() / count;
-    let squares: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
-    ((count - 1.0) / count * squares).sqrt()
+    };
+    let mut points = Vec::new();
+    for pair in costs.windows(2) {
+        let [a, b] = [pair[0], pair[1]];
+        for k in 0..POINTS {
+            let share = (k as f64 + 0.5) / POINTS as f64;
+            let log_px = a.0 + share * (b.0 - a.0);
+            let cost = (root(a) + share * (root(b) - root(a))).powi(2);
+            points.push((
+                log_px,
+                cost / OVERDISPERSION + of_known(log_px),
+                (b.0 - a.0) / POINTS as f64,
+            ));
+        }
+    }
+    let likeliest = points.iter().map(|point| point.1).fold(f64::INFINITY, f64::min);
+    let weighted = |of: &dyn Fn(f64) -> f64| -> f64 {
+        points
+            .iter()
+            .map(|&(log_px, cost, width)| width * (likeliest - cost).exp() * of(log_px))
+            .sum()
+    };
+    let total = weighted(&|_| 1.0);
+    if total <= 0.0 {
+        return FocalEvidence {
+            px: best.exp(),
+            deviation: MIN_DEVIATION,
+        };
+    }
+    let mean = weighted(&|log_px| log_px) / total;
+    let variance = weighted(&|log_px| (log_px - mean).powi(2)) / total;
+    FocalEvidence {
+        px: mean.exp(),
+        deviation: variance.sqrt().max(MIN_DEVIATION),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// The costs of features that say 300 px, at focal lengths apart by 0.15.
+    fn costs(deviation: f64) -> Vec<(f64, f64)> {
+        (-20..=20)
+            .map(|k| {
+                let log = 0.15 * f64::from(k);
+                (
+                    300f64.ln() + log,
+                    17.0 + OVERDISPERSION * 0.5 * (log / deviation).powi(2),
+                )
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_profile_that_is_a_square_says_its_middle_and_its_deviation() {
+        let alone = evidence(&costs(0.2), None);
+        assert!((alone.px / 300.0).ln().abs() < 1e-9, "{alone:?}");
+        assert!((alone.deviation / 0.2 - 1.0).abs() < 0.01, "{alone:?}");
+    }
+
     #[test]
     fn evidence_counts_by_its_variance() {
-        let sharp = FocalEvidence {
-            px: 300.0,
-            deviation: 0.01,
-        };
-        let blunt = FocalEvidence {
+        let known = FocalEvidence {
             px: 330.0,
             deviation: 0.1,
         };
-        let both = sharp.fused(blunt);
-        let share = 1.0 / 101.0;
-        assert!((both.px - 300.0 * 1.1f64.powf(share)).abs() < 1e-9);
-        assert!((both.deviation - 0.01 * (100.0f64 / 101.0).sqrt()).abs() < 1e-12);
-        assert!((sharp.apart(blunt) - 1.1f64.ln() / 0.0101f64.sqrt()).abs() < 1e-12);
+        let both = evidence(&costs(0.2), Some(known));
+        assert!(
+            (both.px - 330.0 * (300.0f64 / 330.0).powf(0.2)).abs() < 0.5,
+            "{both:?}"
+        );
+        assert!(
+            (both.deviation / 0.2 * 5.0f64.sqrt() - 1.0).abs() < 0.02,
+            "{both:?}"
+        );
+        assert!((known.apart(evidence(&costs(0.2), None)) - 1.1f64.ln() / 0.05f64.sqrt()).abs() < 1e-2);
+    }
+
+    /// As of cameras far away: shorter focal lengths do not fit, longer ones hardly less well.
+    #[test]
+    fn where_longer_lenses_fit_as_well_usual_ones_decide() {
+        let costs: Vec<(f64, f64)> = (-8..=20)
+            .map(|k| {
+                let log = 0.15 * f64::from(k);
+                (
+                    1200f64.ln() + log,
+                    if k < 0 { 100.0 * log.powi(2) } else { 1.5 * log },
+                )
+            })
+            .collect();
+        let alone = evidence(&costs, None);
+        assert!(alone.px > 2000.0 && alone.deviation > 0.5, "{alone:?}");
+        let usual = FocalEvidence {
+            px: 720.0,
+            deviation: 0.5,
+        };
+        let both = evidence(&costs, Some(usual));
+        assert!((1000.0..1500.0).contains(&both.px), "{both:?}");
     }
 
     #[test]
-    fn features_are_believed_unless_they_contradict_what_was_known() {
-        let known = FocalEvidence {
-            px: 300.0,
-            deviation: 0.06,
-        };
-        let features = |px: f64| FocalEvidence { px, deviation: 0.05 };
-        // Alike, both hold as they seem, but for the chance of misleading ones.
-        let agreed = known.fused_with_features(features(300.0));
-        let both = known.fused(features(300.0));
-        assert!((agreed.px - 300.0).abs() < 1e-9);
-        assert!(agreed.deviation > both.deviation && agreed.deviation < 1.15 * both.deviation);
-        // Five times the deviation of their difference apart, the features are those that mislead.
-        let far = features(300.0 * (5.0 * 0.06f64.hypot(0.05)).exp());
-        let misleading = FocalEvidence {
-            deviation: 0.05f64.hypot(0.2),
-            ..far
-        };
-        let contradicted = known.fused_with_features(far);
-        assert!((contradicted.px / known.fused(misleading).px).ln().abs() < 1e-3);
-        assert!(known.fused(far).px > 1.1 * contradicted.px);
-    }
-
-    #[test]
-    fn usual_lenses_decide_where_features_say_little() {
+    fn lenses_of_which_nothing_is_known_are_usual() {
         let camera = Pinhole {
             fx: 1000.0,
             fy: 1000.0,
             cx: 320.0,
             cy: 240.0,
         };
-        let usual = FocalEvidence::usual(&camera);
-        assert!((usual.px - 768.0).abs() < 1e-9);
-        let fused = |deviation| {
-            usual.fused_with_features(FocalEvidence {
-                px: 1500.0,
-                deviation,
-            })
-        };
-        let sharp = fused(0.03);
-        assert!(sharp.px > 1400.0 && sharp.deviation > 0.1, "{sharp:?}");
-        assert!(fused(0.5).px < 1080.0);
-    }
-
-    #[test]
-    fn the_jackknife_of_a_mean_is_its_standard_error() {
-        let values = [3.0, 5.0, 4.0, 8.0];
-        let sum: f64 = values.iter().sum();
-        let without = values.map(|value| (sum - value) / 3.0);
-        // Variance 14 / 3 of the values, a quarter of it of their mean.
-        assert!((jackknife(&without) - (14.0f64 / 3.0 / 4.0).sqrt()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn octants_are_told_apart_by_every_coordinate() {
-        let corners: Vec<Vector3<f64>> = (0..8)
-            .map(|k| Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64))
-            .collect();
-        let points: Vec<Vector3<f64>> = corners
-            .iter()
-            .map(|corner| corner * 2.0)
-            .chain([Vector3::repeat(1.0)])
-            .collect();
-        let octant = octants(&points);
-        for (k, corner) in corners.iter().enumerate() {
-            assert_eq!(octant(&(corner * 2.0)), k);
-        }
+        assert!((FocalEvidence::usual(&camera).px - 768.0).abs() < 1e-9);
     }
 }

@@ -1,6 +1,6 @@
 //! A reconstruction from two views that grows by one frame at a time, as COLMAP's does.
 
-use super::focal::{FREE, FocalEvidence, by_features};
+use super::focal::{FREE, FocalEvidence, OVERDISPERSION, Profile};
 use super::matching::Matching;
 use super::points::triangulated;
 use super::start::{Quality, Verified};
@@ -9,6 +9,7 @@ use super::{Motion, MotionOptions, StructureFromMotionError};
 use crate::bridge::bundle::ffi::{self as bundle, Bundle, BundleOptions, Observation};
 use crate::bridge::vision::ffi::{self as vision, Found};
 use crate::geometry::{Pinhole, Pose, Rotation3, Vector3};
+use crate::prepare::depth::middle;
 use nalgebra::{Matrix3, Vector2, Vector6};
 use rayon::prelude::*;
 
@@ -25,6 +26,8 @@ const SURE_PLACING: usize = 30;
 pub(super) const MIN_ANGLE_DEG: f64 = 1.5;
 /// No point lies so near to a camera, in baselines of the first pair.
 const MIN_DISTANCE: f64 = 0.2;
+/// By how much the logarithm of its likelihood is greater, a motion is more likely than its mirror image without doubt.
+const CERTAIN: f64 = 5.0;
 /// Adjustments at the end, each after throwing out what does not fit.
 const ROUNDS: usize = 4;
 
@@ -38,6 +41,9 @@ pub struct Reconstruction<'a> {
     /// Multiplies the camera's focal lengths.
     zoom: f64,
     poses: Vec<Option<Pose>>,
+    /// What belongs together by matches alone.
+    all_tracks: &'a [Vec<Seen>],
+    /// Of it, what fits.
     tracks: Vec<Vec<Seen>>,
     points: Vec<Option<Vector3<f64>>>,
     /// Frames in the order of their placing.
@@ -49,7 +55,7 @@ impl<'a> Reconstruction<'a> {
         matching: &'a Matching,
         camera: &Pinhole,
         options: &'a MotionOptions,
-        tracks: Vec<Vec<Seen>>,
+        all_tracks: &'a [Vec<Seen>],
         start: &Verified,
     ) -> Self {
         let mut poses = vec![None; matching.features.len()];
@@ -59,12 +65,18 @@ impl<'a> Reconstruction<'a> {
         Self {
             matching,
             options,
-            focal_deviation: options.focal_deviation,
+            // Few frames fit any focal length, and from a very long one no adjustment leads back.
+            focal_deviation: if options.focal_deviation < FREE {
+                options.focal_deviation
+            } else {
+                0.0
+            },
             camera: *camera,
             zoom: 1.0,
             poses,
-            points: vec![None; tracks.len()],
-            tracks,
+            points: vec![None; all_tracks.len()],
+            tracks: all_tracks.to_vec(),
+            all_tracks,
             order: vec![first, second],
         }
     }
@@ -95,23 +107,76 @@ impl<'a> Reconstruction<'a> {
     /// Adjusted as a whole, with the focal length by all evidence.
     pub(super) fn finished(mut self) -> Result<Motion, StructureFromMotionError> {
         self.adjust(ROUNDS)?;
-        let by_features = by_features(&self)?;
-        if self.focal_deviation == 0.0 {
-            return Ok(self.motion(0.0, by_features));
+        if self.may_be_swapped()? {
+            let (own, swapped) = (self.with_all_tracks()?, self.swapped().with_all_tracks()?);
+            self = match swapped.quality().is_better_than(&own.quality()) {
+                true => swapped,
+                false => own,
+            };
         }
-        let known = if self.focal_deviation >= FREE {
-            FocalEvidence::usual(&self.camera)
-        } else {
-            FocalEvidence {
+        let known = match self.options.focal_deviation {
+            0.0 => None,
+            FREE.. => Some(FocalEvidence::usual(&self.camera)),
+            deviation => Some(FocalEvidence {
                 px: self.camera.fx,
-                deviation: self.focal_deviation,
-            }
+                deviation,
+            }),
         };
-        let all = known.fused_with_features(by_features);
-        self.zoom = all.px / self.camera.fx;
-        self.focal_deviation = 0.0;
-        self.adjust(ROUNDS)?;
-        Ok(self.motion(all.deviation, by_features))
+        let mut profile = Profile::of(&self)?;
+        let Some(known) = known else {
+            return self.motion(0.0, profile.evidence(None));
+        };
+        // What fits depends on the focal length, and the other way round.
+        let nearest = |profile: &Profile<'a>| {
+            let px = profile.evidence(Some(known)).px;
+            let mut nearest = profile.near(px).unwrap_or(&self).clone();
+            nearest.hold_focal(px);
+            nearest
+        };
+        profile = Profile::of(&nearest(&profile).with_all_tracks()?)?;
+        let mut adjusted = nearest(&profile);
+        adjusted.adjust(ROUNDS)?;
+        let deviation = profile.evidence(Some(known)).deviation;
+        adjusted.motion(deviation, profile.evidence(None))
+    }
+
+    /// Adjusted after taking in again what did not fit before.
+    fn with_all_tracks(&self) -> Result<Self, StructureFromMotionError> {
+        let mut all = self.clone();
+        all.tracks = self.all_tracks.to_vec();
+        all.adjust(ROUNDS)?;
+        Ok(all)
+    }
+
+    /// With near and far swapped: the points mirrored in the plane through their middle that faces the first camera, the cameras turned the other
+    /// way. Seen from far away the pictures stay nearly what they were.
+    fn swapped(&self) -> Self {
+        let mut swapped = self.clone();
+        let Some(first) = self.order.first().and_then(|&frame| self.poses[frame]) else {
+            return swapped;
+        };
+        let points: Vec<Vector3<f64>> = self.points.iter().flatten().map(|x| first.transform(x)).collect();
+        let middle = middle(&points);
+        let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
+        for point in swapped.points.iter_mut().flatten() {
+            *point = middle + mirror * (first.transform(point) - middle);
+        }
+        for pose in swapped.poses.iter_mut().flatten() {
+            let from_first = pose.after(&first.inverse());
+            let rotation = Rotation3::from_matrix_unchecked(mirror * from_first.rotation.matrix() * mirror);
+            *pose = Pose {
+                rotation,
+                translation: from_first.transform(&middle) - rotation * middle,
+            };
+        }
+        swapped
+    }
+
+    /// Whether the features fit nearly as well with near and far swapped.
+    fn may_be_swapped(&self) -> Result<bool, StructureFromMotionError> {
+        let mut swapped = self.swapped();
+        swapped.bundle()?;
+        Ok(swapped.cost() - self.cost() < OVERDISPERSION * CERTAIN)
     }
 
     pub fn with_free_focal(self) -> Self {
@@ -121,18 +186,38 @@ impl<'a> Reconstruction<'a> {
         }
     }
 
+    /// Another focal length, which adjustments keep. Every camera goes where it sees the middle of the points as large as before.
+    pub fn hold_focal(&mut self, px: f64) {
+        let factor = px / self.focal_px();
+        let points: Vec<Vector3<f64>> = self.points.iter().flatten().copied().collect();
+        let middle = middle(&points);
+        for pose in self.poses.iter_mut().flatten() {
+            pose.translation.z += (factor - 1.0) * pose.transform(&middle).z;
+        }
+        self.zoom = px / self.camera.fx;
+        self.focal_deviation = 0.0;
+    }
+
     pub fn focal_px(&self) -> f64 {
         self.zoomed().fx
     }
 
-    pub fn points(&self) -> impl Iterator<Item = &Vector3<f64>> {
-        self.points.iter().flatten()
+    pub fn camera(&self) -> &Pinhole {
+        &self.camera
     }
 
-    pub fn keep_points(&mut self, keep: impl Fn(&Vector3<f64>) -> bool) {
-        for point in &mut self.points {
-            *point = point.filter(&keep);
-        }
+    /// What adjustments minimise. What is further off than what belongs to a point costs no more than that.
+    pub fn cost(&self) -> f64 {
+        let width = self.loss_width();
+        let placed = |seen: &Seen| self.poses[seen[0] as usize].as_ref();
+        self.tracks
+            .iter()
+            .zip(&self.points)
+            .filter_map(|(track, point)| Some((track, point.as_ref()?)))
+            .flat_map(|(track, point)| track.iter().map(move |&seen| (point, seen)))
+            .filter_map(|(point, seen)| Some(self.error(placed(&seen)?, point, seen)))
+            .map(|error| 0.5 * width * width * (error.min(self.tolerance()) / width).powi(2).ln_1p())
+            .sum()
     }
 
     /// x and y on the plane z = 1 of a feature.
@@ -162,6 +247,11 @@ impl<'a> Reconstruction<'a> {
 
     fn tolerance(&self) -> f64 {
         self.options.error_px * self.matching.pixel
+    }
+
+    /// Cauchy scale of an adjustment, in pixels.
+    fn loss_width(&self) -> f64 {
+        0.5 * self.tolerance()
     }
 
     /// The frame not yet placed that sees most points, unless it was refused or sees too few.
@@ -312,7 +402,7 @@ impl<'a> Reconstruction<'a> {
             fy: self.camera.fy,
             cx: self.camera.cx,
             cy: self.camera.cy,
-            loss_width: 0.5 * self.tolerance(),
+            loss_width: self.loss_width(),
             // From few frames a focal length cannot be told from a distance.
             zoom_deviation: if self.order.len() > 4 {
                 self.focal_deviation
@@ -332,7 +422,11 @@ impl<'a> Reconstruction<'a> {
         Ok(())
     }
 
-    fn motion(&self, focal_deviation: f64, focal_by_features: FocalEvidence) -> Motion {
+    fn motion(
+        &self,
+        focal_deviation: f64,
+        focal_by_features: FocalEvidence,
+    ) -> Result<Motion, StructureFromMotionError> {
         let (points, seen_in) = self
             .tracks
             .iter()
@@ -343,7 +437,7 @@ impl<'a> Reconstruction<'a> {
                 Some(((*point)?, placed.collect()))
             })
             .unzip();
-        Motion {
+        Ok(Motion {
             camera: self.zoomed(),
             camera_from_input: self.poses.clone(),
             points,
@@ -351,7 +445,8 @@ impl<'a> Reconstruction<'a> {
             focal_deviation,
             focal_by_features,
             error_px: self.quality().error_px,
-        }
+            may_be_swapped: self.may_be_swapped()?,
+        })
     }
 
     pub(super) fn quality(&self) -> Quality {

@@ -58,12 +58,19 @@ pub struct Motion {
     pub focal_by_features: FocalEvidence,
     /// Root mean square over all observations.
     pub error_px: f64,
+    /// Whether features fit nearly as well with near and far swapped and every turn reversed.
+    pub may_be_swapped: bool,
 }
 
 impl Motion {
     /// By which motions are compared.
     pub fn score(&self) -> f64 {
         score(self.seen_in.iter().map(Vec::len).sum(), self.error_px)
+    }
+
+    /// Whether all frames are placed.
+    pub fn is_whole(&self) -> bool {
+        self.camera_from_input.iter().all(Option::is_some)
     }
 }
 

@@ -64,7 +64,7 @@ pub fn reconstruct(
         let Some(start) = starts.iter().find(adds) else {
             break;
         };
-        let grown = Reconstruction::new(matching, camera, options, tracks.clone(), start).grown()?;
+        let grown = Reconstruction::new(matching, camera, options, &tracks, start).grown()?;
         let quality = grown.quality();
         start.frames.iter().for_each(|&frame| started[frame] = true);
         grown.order.iter().for_each(|&frame| placed[frame] = true);
@@ -96,7 +96,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    fn is_better_than(&self, other: &Self) -> bool {
+    pub(super) fn is_better_than(&self, other: &Self) -> bool {
         let score = |quality: &Self| score(quality.observations, quality.error_px);
         self.frames > other.frames || (self.frames == other.frames && score(self) > score(other))
     }
@@ -272,22 +272,18 @@ mod tests {
         }
     }
 
-    /// What grows from the first pair and another.
-    fn grown<'a>(
-        matching: &'a Matching,
-        camera: &Pinhole,
-        options: &'a MotionOptions,
-        other: usize,
-    ) -> Reconstruction<'a> {
+    /// Focal length and quality of what grows from the first pair and another.
+    fn grown(matching: &Matching, camera: &Pinhole, options: &MotionOptions, other: usize) -> (f64, Quality) {
         let pairs = matching.pairs.iter();
         let verified: Vec<Verified> = pairs
             .filter_map(|pair| verified(matching, camera, pair, options.error_px).unwrap())
             .collect();
         let tracks = tracks_of(matching, &verified);
         let start = verified.iter().find(|pair| pair.frames == [0, other]).unwrap();
-        Reconstruction::new(matching, camera, options, tracks, start)
+        let grown = Reconstruction::new(matching, camera, options, &tracks, start)
             .grown()
-            .unwrap()
+            .unwrap();
+        (grown.focal_px(), grown.quality())
     }
 
     /// Features of the last frame that slid along the lines on which matches are looked for, and so fit every pair.
@@ -297,7 +293,7 @@ mod tests {
         for feature in &mut matching.features[10][..6] {
             feature[0] += 25.0;
         }
-        let quality = grown(&matching, &CAMERA, &MotionOptions::default(), 3).quality();
+        let (_, quality) = grown(&matching, &CAMERA, &MotionOptions::default(), 3);
         assert_eq!(quality.frames, 11);
         assert!(quality.error_px < LIKELY_ERROR, "{}", quality.error_px);
     }
@@ -315,13 +311,56 @@ mod tests {
                 focal_deviation,
                 ..MotionOptions::default()
             };
-            grown(&matching, &said, &options, 1).focal_px()
+            grown(&matching, &said, &options, 1).0
         };
         assert_eq!(focal(0.0), said.fx);
         let moved = focal(0.06);
         assert!((moved / CAMERA.fx - 1.0).abs() < 0.03, "{moved}");
         let hardly = focal(1e-4);
         assert!((hardly / said.fx - 1.0).abs() < 0.01, "{hardly}");
+    }
+
+    #[test]
+    fn features_find_a_focal_length_of_which_nothing_is_known() {
+        let matching = matching(&[(arc(10, 8.0), 60)]);
+        let options = MotionOptions {
+            focal_deviation: FREE,
+            ..MotionOptions::default()
+        };
+        for guess in [0.7, 1.7, 4.0] {
+            let said = Pinhole {
+                fx: guess * CAMERA.fx,
+                fy: guess * CAMERA.fy,
+                ..CAMERA
+            };
+            let found = reconstruct(&matching, &said, &options).unwrap();
+            let factor = found.camera.fx / CAMERA.fx;
+            assert!((factor - 1.0).abs() < 0.05, "{guess}: {factor}");
+            assert!(!found.may_be_swapped, "{guess}");
+        }
+    }
+
+    /// Nearly the same pictures from 60 times as far away, with as much longer a lens.
+    #[test]
+    fn what_is_seen_from_far_away_may_be_swapped() {
+        let mut matching = matching(&[(arc(6, 8.0), 60)]);
+        let camera = Pinhole {
+            fx: 60.0 * CAMERA.fx,
+            fy: 60.0 * CAMERA.fy,
+            ..CAMERA
+        };
+        for (pose, features) in arc(6, 8.0).iter().zip(&mut matching.features) {
+            for (i, feature) in features.iter_mut().enumerate() {
+                let share = |prime: f64| (i as f64 * prime).fract() - 0.5;
+                let x = Vector3::new(share(0.819_172_513), share(0.671_043_607), share(0.549_700_478));
+                let seen = pose.transform(&x) + Vector3::z() * 59.0 * 3.0;
+                let pixel = camera.project(&seen).unwrap();
+                *feature = [pixel.x, pixel.y];
+            }
+        }
+        let found = reconstruct(&matching, &camera, &MotionOptions::default()).unwrap();
+        assert!(found.camera_from_input.iter().all(Option::is_some));
+        assert!(found.may_be_swapped);
     }
 
     #[test]
