@@ -12,7 +12,7 @@ const USUAL: (f64, f64) = (1.2, 0.7);
 /// No evidence is taken to be better than this.
 const MIN_DEVIATION: f64 = 0.005;
 /// The features' cost counts by this factor less: they err together, as where a highlight slides over a whole door.
-pub const OVERDISPERSION: f64 = 2.0;
+pub const OVERDISPERSION: f64 = 4.0;
 /// A logarithm of a likelihood this far below the greatest does not count.
 const NEGLIGIBLE: f64 = 6.0;
 /// The profile's focal lengths: their logarithms go on from the best reconstruction's by this.
@@ -240,7 +240,11 @@ mod tests {
                 let log = 0.15 * f64::from(k);
                 (
                     1200f64.ln() + log,
-                    if k < 0 { 100.0 * log.powi(2) } else { 1.5 * log },
+                    if k < 0 {
+                        50.0 * OVERDISPERSION * log.powi(2)
+                    } else {
+                        0.75 * OVERDISPERSION * log
+                    },
                 )
             })
             .collect();

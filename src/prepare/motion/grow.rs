@@ -206,9 +206,11 @@ impl<'a> Reconstruction<'a> {
         &self.camera
     }
 
-    /// What adjustments minimise. What is further off than what belongs to a point costs no more than that.
+    /// What adjustments minimise, in pixels of an object 500 pixels across. What is further off than what belongs to a point costs no more than
+    /// that.
     pub fn cost(&self) -> f64 {
         let width = self.loss_width();
+        let weight = 0.5 * (width / self.matching.pixel).powi(2);
         let placed = |seen: &Seen| self.poses[seen[0] as usize].as_ref();
         self.tracks
             .iter()
@@ -216,7 +218,7 @@ impl<'a> Reconstruction<'a> {
             .filter_map(|(track, point)| Some((track, point.as_ref()?)))
             .flat_map(|(track, point)| track.iter().map(move |&seen| (point, seen)))
             .filter_map(|(point, seen)| Some(self.error(placed(&seen)?, point, seen)))
-            .map(|error| 0.5 * width * width * (error.min(self.tolerance()) / width).powi(2).ln_1p())
+            .map(|error| weight * (error.min(self.tolerance()) / width).powi(2).ln_1p())
             .sum()
     }
 
